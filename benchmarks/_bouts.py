@@ -18,11 +18,12 @@ from scipy.stats import binomtest
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Model
+from crowdsim.crowd.draw import draw_crowd
 from crowdsim.crowd.events import OUTCOMES, Events
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.policy.policy import Policy
-from crowdsim.preparation.prepare import load_policies, policy_names, prepare
+from crowdsim.preparation.prepare import load_policies, policy_names
 from crowdsim.scenario.scenario import Scenario, resolve_scenario
 
 RANDOM: dict[str, Any] = {"temperature": 100, "candidates": {"margin": 100, "maximum": 64}}
@@ -98,17 +99,14 @@ def bout_scenario(red: str, blue: str, seconds: float = SECONDS) -> Scenario:
 
 def fight(scenario: Scenario, policies: Sequence[Policy], model: Model, seed: int) -> Bout:
     """Return how the bout of a scenario goes with a seed; ``model`` is that of the policies."""
-    ready = prepare(scenario.model_copy(update={"seed": seed}), policies)
-    simulation = Simulation(ready.crowd, policies, ready.script, model=model)
-    try:
-        chunk = simulation.run(ready.frames)
-    finally:
-        simulation.close()
+    crowd = draw_crowd(scenario.model_copy(update={"seed": seed}), policies)
+    with Simulation(crowd, model=model) as simulation:
+        chunk = simulation.run(crowd.frames)
     end = simulation.outcome
     standing = [] if end is None else end.standing.tolist()
-    last = ready.frames - 1 if end is None else end.frame
+    last = crowd.frames - 1 if end is None else end.frame
     strikes, downs = count_strikes(chunk.events, last)
-    return Bout(standing[0] if len(standing) == 1 else -1, last / ready.rate, strikes, downs)
+    return Bout(standing[0] if len(standing) == 1 else -1, last / crowd.rate, strikes, downs)
 
 
 def count_strikes(events: Events, last: int) -> tuple[Array, Array]:

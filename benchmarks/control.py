@@ -25,6 +25,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,10 +33,9 @@ import numpy as np
 from _quick import small_policies
 from scipy.spatial import cKDTree
 
-from crowdsim.crowd.cast import cast_crowd
 from crowdsim.crowd.chunk import STAGES, Chunk
 from crowdsim.crowd.crowd import Crowd, build_crowd
-from crowdsim.crowd.placement import place_groups
+from crowdsim.crowd.draw import draw_crowd
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.motion import ground
 from crowdsim.motion.kinematics import forward_kinematics
@@ -87,7 +87,7 @@ def least(run: Callable[[], np.ndarray], times: int) -> np.ndarray:
 
 def timed(crowd: Crowd, policy: Policy, frames: int, threads: int, skip: int = 0) -> tuple[np.ndarray, Simulation]:
     """Run a crowd; return its timings after ``skip`` frames, and what it is like at the end."""
-    simulation = Simulation(crowd, [policy], threads=threads, profiled=True)
+    simulation = Simulation(replace(crowd, policies=[policy], frames=frames + skip), threads=threads, profiled=True)
     parts: list[np.ndarray] = []
     while simulation.frame < frames + skip:
         timings = simulation.run(1 if crowd.count > 2000 else frames + skip).timings
@@ -104,11 +104,11 @@ def by_stage(timings: np.ndarray, count: int) -> dict[str, float]:
 
 def brawl(policy: Policy, repeats: int, frames: int) -> dict[str, Any]:
     scenario = load_scenario("brawl_30")
-    crowd, script = cast_crowd(scenario, place_groups(scenario), [policy])
+    crowd = draw_crowd(scenario, [policy])
     chunks: list[Chunk] = []
     whole = []
     for _ in range(repeats + 1):
-        simulation = Simulation(crowd, [policy], script)
+        simulation = Simulation(crowd)
         begun = time.perf_counter()
         chunks.append(simulation.run(frames))
         whole.append(time.perf_counter() - begun)
@@ -141,7 +141,7 @@ def apart(policy: Policy, repeats: int, frames: int) -> dict[str, Any]:
         spent = {}
         for said in ("true", "false"):
             scenario = load_scenario(name, [f"collision_avoidance={said}"])
-            crowd, _ = cast_crowd(scenario, place_groups(scenario), [policy])
+            crowd = draw_crowd(scenario, [policy])
             timings = np.min([timed(crowd, policy, frames, 1)[0] for _ in range(repeats)], axis=0)
             spent[said] = float(timings[:, : len(STAGES) - 1].sum() * 1e-6)
         result[name] = {
@@ -189,7 +189,7 @@ def scale(policy: Policy, threads: int, quick: bool) -> tuple[dict[str, Any], di
 def shipped(policy: Policy, threads: int, quick: bool) -> dict[str, float]:
     """Return what a control frame of the shipped scene of a million costs."""
     scenario = load_scenario("crowd_1m", fraction=1.0 / QUICK if quick else None)
-    crowd, _ = cast_crowd(scenario, place_groups(scenario), [policy])
+    crowd = draw_crowd(scenario, [policy])
     timings = least(lambda: timed(crowd, policy, 24, threads, skip=24)[0], 2)
     control = float(timings[:, : len(STAGES) - 1].sum()) / len(timings)
     return {"milliseconds": control * 1e-6, "ns_per_avatar_frame": control / crowd.count}

@@ -37,10 +37,10 @@ from _realised_reward import RewardCounter
 from scenes import Scene, build_scene, play
 
 from crowdsim.core.workers import CORES, limited
+from crowdsim.crowd.draw import draw_crowd
 from crowdsim.crowd.simulate import simulate
 from crowdsim.policy.policy import Policy
 from crowdsim.policy.rewards import Term
-from crowdsim.preparation.prepare import prepare
 from crowdsim.training.recipe import Recipe, load_recipe
 from crowdsim.training.train import ready_policy, train_policy
 
@@ -75,9 +75,9 @@ def played(scene: Scene, policy: Policy, options: argparse.Namespace) -> dict[st
 def control_seconds(scene: Scene, policy: Policy) -> float:
     """Return how long a scene takes on one thread, control alone, the second time [s]."""
     for _ in range(2):
-        ready = prepare(scene.scenario, [policy])
+        crowd = draw_crowd(scene.scenario, [policy])
         started = time.perf_counter()
-        for _chunk in simulate(ready.crowd, ready.policies, ready.frames, ready.script, 1):
+        for _chunk in simulate(crowd, crowd.frames):
             pass
     return time.perf_counter() - started
 
@@ -89,7 +89,7 @@ def brawl(
     scene = scene_of(BRAWL, policy, options, difference.scenario if difference else None)
     landed, earned = [], []
     for seed in range(1, scene.seeds + 1):
-        scales = prepare(scene.scenario.model_copy(update={"seed": seed}), [policy]).cast.scales
+        scales = draw_crowd(scene.scenario.model_copy(update={"seed": seed}), [policy]).cast.scales
         counter = RewardCounter(terms, policy, scales)
         outcome = play(scene, seed, [policy], options.threads, counter.add)
         landed.append(outcome["landed_per_minute"] or 0.0)

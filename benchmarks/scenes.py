@@ -39,8 +39,8 @@ from _scene_goals import GOALS, summarise
 from crowdsim import load_policies, load_scenario
 from crowdsim.core.workers import CORES
 from crowdsim.crowd.chunk import Chunk
+from crowdsim.crowd.draw import draw_crowd
 from crowdsim.crowd.simulate import simulate
-from crowdsim.preparation.prepare import prepare
 from crowdsim.scenario.scenario import Scenario, resolve_scenario
 from crowdsim.take.measures import AFTER, FightCounter, opponent_offsets
 
@@ -137,12 +137,12 @@ def play(
 ) -> dict[str, float | None]:
     """Return the figures of a scene with one seed; ``seen`` is called with every chunk."""
     scenario = scene.scenario.model_copy(update={"seed": seed})
-    prepared = prepare(scenario, policies)
-    rate, frames = prepared.rate, prepared.frames
-    counter = FightCounter(prepared.cast.scales, rate, frames, scene.after)
+    crowd = draw_crowd(scenario, policies)
+    rate = crowd.rate
+    counter = FightCounter(crowd.cast.scales, rate, crowd.frames, scene.after)
     near = bool(scene.radius) or scene.name in NEAR
     distances = []
-    for chunk in simulate(prepared.crowd, prepared.policies, frames, prepared.script, threads):
+    for chunk in simulate(crowd, crowd.frames, threads):
         counter.add(chunk)
         if seen is not None:
             seen(chunk)

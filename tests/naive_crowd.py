@@ -38,13 +38,14 @@ class Avatar:
     """An avatar, with the policy's own numbers for states and actions."""
 
     def __init__(self, number, crowd, policies):
-        self.number, self.policy = number, policies[crowd.policy[number]]
-        self.scale, self.speed = float(crowd.scale[number]), float(crowd.speed[number])
-        self.width = self.scale * float(crowd.girth[number])
-        self.team, self.skip, self.fixed = int(crowd.team[number]), int(crowd.skip[number]), int(crowd.fixed[number])
+        self.number, self.policy = number, policies[crowd.cast.policies[number]]
+        cast = crowd.cast
+        self.scale, self.speed = float(cast.scales[number]), float(cast.speeds[number])
+        self.width = self.scale * float(cast.girths[number])
+        self.team, self.skip, self.fixed = int(cast.teams[number]), int(crowd.skip[number]), int(crowd.fixed[number])
         self.cohort = int(crowd.cohort[number])
         actions, graph = self.policy.actions, self.policy.graph
-        self.stance = int(crowd.stances[number]) if len(crowd.stances) else 0
+        self.stance = int(cast.stances[number])
         self.astray = stance_actions(self.policy)[:, self.stance - 1] if self.stance else np.zeros(actions.state_count)
         self.calm = calm_shares(self.policy)
         self.ways = ways_to_halt(actions)
@@ -64,7 +65,7 @@ class Avatar:
         self.burst, self.rested = 0, 0.0
         own = crowd.temperaments[number] if len(crowd.temperaments) else (1.0, 0.0, 0.0)
         self.slowness, self.doublings, self.range = own
-        self.first_state = sum(other.actions.state_count for other in policies[: crowd.policy[number]])
+        self.first_state = sum(other.actions.state_count for other in policies[: cast.policies[number]])
         self.shown, self.thrown, self.thrown_until = [], -1, 0
         self.hit_by, self.hit, self.hit_frame = -1, np.zeros(2), -math.inf
         self.seen = self.seen_before = None
@@ -165,14 +166,14 @@ def nearest_approach(a, b):
     return float(np.hypot(*(a + t * way))), t
 
 
-def run(crowd, policies, frames, script=None):
+def run(crowd, policies, frames):
     """Return a record of frames and the strikes thrown, as ``simulation.Simulation`` does."""
     avatars = [Avatar(i, crowd, policies) for i in range(crowd.count)]
     record = {
         name: np.zeros((frames, crowd.count)) for name in ("action", "action_frame", "x", "z", "heading", "opponent")
     }
     strikes = []
-    paths = script.targets if script else ()
+    paths = crowd.targets
     marks = {}
     for frame in range(frames):
         for one in avatars:

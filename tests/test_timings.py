@@ -62,15 +62,15 @@ from crowdsim.compilation import watch_compilation
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.jit_warmup import warm_up
-from crowdsim.preparation.prepare import load_policies, prepare
+from crowdsim.crowd.draw import draw_crowd
+from crowdsim.preparation.prepare import load_policies
 scenario = load_scenario(sys.argv[1])
-prepared = prepare(scenario, load_policies(scenario))
+crowd = draw_crowd(scenario, load_policies(scenario))
 search, profiled = scenario.opponents.search, sys.argv[2] == "profiled"
 with watch_compilation() as compilation:
-    model = warm_up(prepared.crowd, prepared.policies, prepared.script, search, profiled)
+    model = warm_up(crowd, search, profiled)
     ready = compilation.seconds
-    parts = prepared.crowd, prepared.policies, prepared.script
-    simulation = Simulation(*parts, 2, search, profiled=profiled, model=model)
+    simulation = Simulation(crowd, 2, search, profiled=profiled, model=model)
     for _ in range(4):
         simulation.run(2)
     simulation.close()

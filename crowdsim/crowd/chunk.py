@@ -17,6 +17,33 @@ STAGES = ("index", "observe", "choose", "advance", "strikes", "record")
 
 
 @dataclass(frozen=True)
+class Frame:
+    """A control frame of a run; arrays (N,) by avatar number.
+
+    Attributes:
+        number: Its number, from 0.
+        action: Action that each avatar does, a number of its policy's graph; -1 where it is absent. int32.
+        action_frame: Frames of that action done. float32.
+        x: Its position [m]; NaN where it is absent. float32.
+        z: Likewise. float32.
+        heading: Where it looks [rad], in -pi..pi. float32.
+        opponent: Avatar that it fights, ``-2 - k`` for scripted target k, -1 for none. int32.
+        targets: Positions of scripted targets [m]. Shape (G, 3), float32.
+        events: Strikes thrown since the frame before.
+    """
+
+    number: int
+    action: Array
+    action_frame: Array
+    x: Array
+    z: Array
+    heading: Array
+    opponent: Array
+    targets: Array
+    events: Events
+
+
+@dataclass(frozen=True)
 class Chunk:
     """Some control frames of a run; arrays (frames, N) by avatar number.
 
@@ -48,6 +75,11 @@ class Chunk:
     def frames(self) -> int:
         """Number of control frames."""
         return len(self.action)
+
+    def frame(self, index: int) -> Frame:
+        """Return one of the frames; it has all strikes of the chunk, so that it should be the only one."""
+        values = {name: rows[index] for name, rows in self.variables().items()}
+        return Frame(self.first + index, **values, targets=self.targets[index], events=self.events)
 
     def variables(self) -> dict[str, Array]:
         """Return what is recorded for each frame and avatar, by name."""

@@ -1,20 +1,27 @@
-"""A crowd before its first frame: positions, preferences and opponents of its avatars."""
+"""A crowd before its first frame: its avatars, where they start, how they choose, and what is planned."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars, Model
+from crowdsim.crowd.cast import Cast
 from crowdsim.crowd.distributions import EVEN_TEMPERED
 from crowdsim.crowd.initial_states import first_actions
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.shown_motion import LATEST, NONE
 from crowdsim.errors import RunError
+from crowdsim.scenario.parts import MAXIMUM_FRAMES
+
+if TYPE_CHECKING:
+    from crowdsim.crowd.script import Change, End, TargetPath
+    from crowdsim.policy.policy import Policy
 
 ANYONE, SCRIPTED = -1, -2
 """Values of ``Crowd.skip`` beside a team: the nearest of any team; the one in ``Crowd.fixed``."""
@@ -67,19 +74,18 @@ class Crowding:
 
 @dataclass(frozen=True)
 class Crowd:
-    """The avatars of a run; N avatars, M cohorts (ways to choose, one a group and type), P policies.
+    """All that a simulation begins with; N avatars, M cohorts (ways to choose, one a group and type).
+
+    ``draw.draw_crowd`` draws that of a scenario, ``build_crowd`` makes one of plain arrays.
 
     Attributes:
+        cast: Names, teams, bodies and temperaments of the avatars, which takes record.
+        policies: The policies, in the order of ``cast.policy_names``.
         x: Positions at the start [m]. Shape (N,).
         z: Likewise. Shape (N,).
         heading: Where avatars look at the start [rad]. Shape (N,).
-        policy: Index of each avatar's policy. Shape (N,).
-        team: Shape (N,).
         group: Shape (N,).
         cohort: Row of ``weights`` and the like. Shape (N,).
-        scale: Size of the body over its skeleton's. Shape (N,).
-        girth: Thickness of trunk and limbs for their length. Shape (N,).
-        speed: Frames of motion in a control frame. Shape (N,).
         skip: Team that an avatar does not fight, ``ANYONE`` or ``SCRIPTED``. Shape (N,).
         fixed: With ``SCRIPTED``: an avatar, -2 - k for target k, or -1 for none. Shape (N,).
         present: Whether it is there from the start. Shape (N,), bool.
@@ -97,21 +103,21 @@ class Crowd:
         seed: Seed of every draw.
         rules: What hurts and tires avatars, see ``World.rules``; nothing where it is empty. Shape (M, 12) or (0, 12).
         conditioned: Whether avatars can be hurt, tire, watch, flee or wait, or have temperaments or stances.
-        temperaments: See ``distributions.draw_temperaments``; where it is empty, all are even-tempered. Shape (N, 3) or
+        temperaments: See ``distributions.temperaments_of``; where it is empty, all are even-tempered. Shape (N, 3) or
             (0, 3).
-        stances: See ``stances.draw_stances``; where it is empty, no avatar has one. Shape (N,) or (0,), uint8.
+        targets: Paths of scripted targets.
+        changes: Events, in this order where several happen at once.
+        until: What ends the run before its duration.
+        frames: Planned duration [control frames].
     """
 
+    cast: Cast
+    policies: Sequence[Policy]
     x: Array
     z: Array
     heading: Array
-    policy: Array
-    team: Array
     group: Array
     cohort: Array
-    scale: Array
-    girth: Array
-    speed: Array
     skip: Array
     fixed: Array
     present: Array
@@ -130,12 +136,20 @@ class Crowd:
     rules: Array = field(default_factory=lambda: np.zeros((0, layout.RULES)))
     conditioned: bool = False
     temperaments: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    stances: Array = field(default_factory=lambda: np.zeros(0, np.uint8))
+    targets: tuple[TargetPath, ...] = ()
+    changes: tuple[Change, ...] = ()
+    until: End | None = None
+    frames: int = MAXIMUM_FRAMES
 
     @property
     def count(self) -> int:
         """Number of avatars N."""
         return len(self.x)
+
+    @property
+    def rate(self) -> float:
+        """Control frames a second."""
+        return float(self.policies[0].database.control_rate)
 
 
 class Cohort(NamedTuple):
@@ -159,6 +173,8 @@ def build_crowd(
     scale: ArrayLike = 1.0,
     speed: ArrayLike = 1.0,
     girth: ArrayLike = 1.0,
+    stances: ArrayLike = 0,
+    policies: Sequence[Policy] = (),
     **other: Any,
 ) -> Crowd:
     """Return a crowd of one cohort; without teams everyone fights anyone.
@@ -171,19 +187,29 @@ def build_crowd(
     def each(values: ArrayLike, dtype: Any) -> Array:
         return np.broadcast_to(np.asarray(values), xs.shape).astype(dtype)
 
-    teams = each(0 if team is None else team, np.int32)
+    teams = each(0 if team is None else team, np.int16)
     fields: dict[str, Any] = {
+        "cast": Cast(
+            names=np.arange(len(xs)).astype(str),
+            types=np.zeros(len(xs), np.int16),
+            teams=teams,
+            policies=each(policy, np.int16),
+            scales=each(scale, np.float32),
+            speeds=each(speed, np.float32),
+            type_names=("avatar",),
+            team_names=tuple(map(str, range(int(teams.max(initial=0)) + 1))),
+            policy_names=tuple(one.name for one in policies),
+            colours=np.full((1, 3), np.nan),
+            girths=each(girth, np.float32),
+            stances=each(stances, np.uint8),
+        ),
+        "policies": policies,
         "x": xs,
         "z": each(z, float),
         "heading": each(heading, float),
-        "policy": each(policy, np.int16),
-        "team": teams,
         "group": np.zeros(len(xs), np.int32),
         "cohort": np.zeros(len(xs), np.int16),
-        "scale": each(scale, np.float32),
-        "girth": each(girth, np.float32),
-        "speed": each(speed, np.float32),
-        "skip": each(ANYONE, np.int32) if team is None else teams,
+        "skip": each(ANYONE, np.int32) if team is None else teams.astype(np.int32),
         "fixed": each(-1, np.int32),
         "present": np.ones(len(xs), bool),
         "weights": np.atleast_2d(np.asarray(cohort.weights, dtype=float)),
@@ -223,18 +249,18 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
         marks=np.full(1 << (max(_LEAST_MARKS, _MARKS * count) - 1).bit_length(), _LONG_AGO, np.uint16),
         seen=np.tile([0.0, 0.0, 0.0, -1.0], (count, 2)),
     )
-    whole, real = avatars.whole, avatars.real
+    whole, real, cast = avatars.whole, avatars.real, crowd.cast
     whole[layout.NUMBER] = numbers
     for row, values in (
-        (layout.POLICY, crowd.policy),
+        (layout.POLICY, cast.policies),
         (layout.COHORT, crowd.cohort),
-        (layout.TEAM, crowd.team),
+        (layout.TEAM, cast.teams),
         (layout.SKIP, crowd.skip),
         (layout.FIXED, crowd.fixed),
     ):
         whole[row] = np.asarray(values)[numbers]
-    real[layout.SCALE], real[layout.SPEED] = crowd.scale[numbers], crowd.speed[numbers]
-    real[layout.WIDTH] = real[layout.SCALE] * crowd.girth[numbers]
+    real[layout.SCALE], real[layout.SPEED] = cast.scales[numbers], cast.speeds[numbers]
+    real[layout.WIDTH] = real[layout.SCALE] * cast.girths[numbers]
     enter(avatars, crowd, model, np.arange(count))
     return avatars
 
@@ -251,7 +277,7 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
         )
     whole, real = avatars.whole, avatars.real
     policy, scale = whole[layout.POLICY, slots], real[layout.SCALE, slots]
-    action = first_actions(crowd.seed, crowd.stances, model, numbers, policy)
+    action = first_actions(crowd.seed, crowd.cast.stances, model, numbers, policy)
     length = model.actions[action, layout.LENGTH]
     ground = model.ground[model.actions[action, layout.ORIGIN] + length * model.policies[policy, layout.STRIDE]]
     turn = heading - ground[:, 2]
@@ -289,5 +315,5 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
         tempered = len(crowd.temperaments) > 0
         rows[:, layout.TEMPO : layout.RANGE + 1] = crowd.temperaments[numbers] if tempered else EVEN_TEMPERED
         rows[:, layout.PIECE] = 0.0
-        rows[:, layout.STANCE] = crowd.stances[numbers] if len(crowd.stances) else 0
+        rows[:, layout.STANCE] = crowd.cast.stances[numbers]
         avatars.conditions[numbers] = rows

@@ -1,4 +1,4 @@
-"""Numbers drawn for each avatar from the distributions of its type: size, speed, and temperament."""
+"""What is drawn for each avatar: its type, and numbers from the distributions of that, such as its size."""
 
 from __future__ import annotations
 
@@ -23,6 +23,24 @@ def draw(seed: int, purpose: Purpose, avatars: Array, distribution: Distribution
         return distribution.minimum + width * uniform(seed, purpose, avatars)
     low, high = distribution.limits
     return np.clip(distribution.mean + distribution.deviation * normal(seed, purpose, avatars), low, high)
+
+
+def draw_types(scenario: Scenario) -> Array:
+    """Return the index of each avatar's type; those of a mix are drawn by its weights. Shape (N,), int32."""
+    numbers = {name: number for number, name in enumerate(scenario.types)}
+    types, first = np.empty(scenario.avatar_count, np.int32), 0
+    for group in scenario.groups:
+        own = np.arange(first, first + group.count)
+        first += group.count
+        if group.type is not None:
+            types[own] = numbers[group.type]
+            continue
+        mix = group.mix or {}
+        names = [name for name in numbers if mix.get(name, 0) > 0]
+        edges = np.cumsum([mix[name] for name in names])
+        chosen = np.searchsorted(edges / edges[-1], uniform(scenario.seed, Purpose.TYPE, own), side="right")
+        types[own] = np.array([numbers[name] for name in names], np.int32)[np.minimum(chosen, len(names) - 1)]
+    return types
 
 
 def draw_numbers(scenario: Scenario, types: Array, key: str) -> Array:
@@ -50,12 +68,15 @@ def is_tempered(kind: AvatarType) -> bool:
     return not isinstance(kind.tempo, float | int | None) or kind.aggression != 1.0 or kind.range != 0.0
 
 
-def draw_temperaments(scenario: Scenario, types: Array) -> Array:
+def temperaments_of(scenario: Scenario, types: Array, tempos: Array, aggressions: Array, ranges: Array) -> Array:
     """Return the temperament of each avatar, or none where all are even-tempered.
 
     Args:
         scenario: The scenario.
         types: Index of the type of each avatar. Shape (N,).
+        tempos: What ``draw_numbers`` has drawn for each. Shape (N,).
+        aggressions: Likewise. Shape (N,).
+        ranges: Likewise. Shape (N,).
 
     Returns:
         How much longer than its cohort the avatar recovers from a strike, as a factor; its aggression in doublings,
@@ -63,8 +84,6 @@ def draw_temperaments(scenario: Scenario, types: Array) -> Array:
     """
     if not any(is_tempered(scenario.types[name]) for name in scenario.used_types):
         return np.zeros((0, 3))
-    tempo = draw_numbers(scenario, types, "tempo")
     usual = np.array([np.nan if kind.tempo is None else middle(kind.tempo) for kind in scenario.types.values()])
-    slowness = np.where(np.isnan(tempo), 1.0, usual[types] / tempo)
-    doublings = np.log2(draw_numbers(scenario, types, "aggression"))
-    return np.stack([slowness, doublings, draw_numbers(scenario, types, "range")], axis=1)
+    slowness = np.where(np.isnan(tempos), 1.0, usual[types] / tempos)
+    return np.stack([slowness, np.log2(aggressions), ranges], axis=1)

@@ -15,7 +15,7 @@ def first_actions(seed: int, stances: Array, model: Model, numbers: Array, polic
     """Return an action for each avatar that ends in a state drawn from its policy's, if possible in its stance."""
     entries = entry_actions(model)
     drawn = uniform(seed, Purpose.START, numbers)
-    wanted = stances[numbers] if len(stances) else np.zeros(len(numbers), np.uint8)
+    wanted = stances[numbers]
     action = np.empty(len(numbers), np.int32)
     starts = model.policies[:, layout.STATES]
     for p, stance in np.unique(np.stack([policy, wanted], axis=1), axis=0):

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from crowdsim.crowd.arrays import Model
 from crowdsim.crowd.crowd import Crowd
-from crowdsim.crowd.script import Script
+from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import SMALL, Simulation
-
-if TYPE_CHECKING:
-    from crowdsim.policy.policy import Policy
 
 _FEW = 40
 """Avatars that make kernels ready; more than fit into one leaf of a tree."""
@@ -23,49 +18,36 @@ _FRAMES = (1, 2)
 """Control frames of the chunks that they run; in the first one no avatar moves."""
 
 
-def warm_up(
-    crowd: Crowd,
-    policies: Sequence[Policy],
-    script: Script | None = None,
-    search: str = "auto",
-    profiled: bool = False,
-) -> Model:
+def warm_up(crowd: Crowd, search: str = "auto", profiled: bool = False) -> Model:
     """Compile or load every kernel that a simulation needs, by a few of its avatars; return its model.
 
     Args:
         crowd: The crowd.
-        policies: Its policies.
-        script: What is planned.
         search: How nearest opponents are found.
         profiled: Whether the time of every stage is taken.
     """
-    few = first_avatars(crowd, _FEW)
-    targets = Script(() if script is None else script.targets, ())
-    changes = script is not None and bool(script.changes)
+    few = replace(first_avatars(crowd, _FEW), changes=(), until=None)
     searches = [search]
     if search == "auto":
         # One frame is run stage by stage where some enter later, and all frames where there are many.
-        searches = ["kd_tree"] if crowd.count > SMALL else ["auto", "kd_tree"] if changes else ["auto"]
+        searches = ["kd_tree"] if crowd.count > SMALL else ["auto", "kd_tree"] if crowd.changes else ["auto"]
         searches += ["auto"] if crowd.count > SMALL and int(np.count_nonzero(crowd.present)) <= SMALL else []
-    model: Model | None = None
+    model = build_model(crowd.policies, bool(crowd.cast.stances.any()))
     for one in searches:
-        simulation = Simulation(few, policies, targets, 1, one, profiled=profiled, model=model)
+        simulation = Simulation(few, 1, one, profiled=profiled, model=model)
         try:
             for frames in _FRAMES:
                 simulation.run(frames)
         finally:
             simulation.close()
-        model = simulation.model
-    assert model is not None
     return model
 
 
 def first_avatars(crowd: Crowd, count: int) -> Crowd:
     """Return a crowd of the first avatars of another, all of them present; their opponents may differ."""
     count = min(count, crowd.count)
-    each = ["x", "z", "heading", "policy", "team", "group", "cohort", "scale", "girth", "speed", "skip", "fixed"]
-    each += ["present", "temperaments", "stances"]
+    each = ("x", "z", "heading", "group", "cohort", "skip", "fixed", "temperaments")
     fields = {name: getattr(crowd, name)[:count] for name in each}
     fields["fixed"] = np.where(fields["fixed"] >= count, -1, fields["fixed"]).astype(crowd.fixed.dtype)
     fields["present"] = np.ones(count, bool)
-    return replace(crowd, **fields)
+    return replace(crowd, cast=crowd.cast.first(count), **fields)

@@ -36,7 +36,7 @@ def find_outcome(until: End, agenda: Agenda, crowd: Crowd) -> Outcome | None:
     elif until.kind == "landed":
         over = int(progress.landed.sum()) >= until.count
     elif until.kind == "last_team":
-        over = len(np.unique(crowd.team[standing])) <= 1
+        over = len(np.unique(crowd.cast.teams[standing])) <= 1
     else:
         over = len(standing) <= 1
     return Outcome(until.kind, progress.frame, standing) if over else None

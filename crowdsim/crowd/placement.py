@@ -1,13 +1,10 @@
-"""Positions, headings, types, bodies and speeds of avatars at the start."""
+"""Positions and headings of avatars at the start."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.distributions import draw_numbers
 from crowdsim.crowd.kernels.placement import Disc, Squares, first_conflict, insert_points, throw_darts
 from crowdsim.crowd.placement_points import read_points
 from crowdsim.crowd.random import Purpose, stream, uniform
@@ -15,7 +12,6 @@ from crowdsim.scenario.groups import (
     ArmyPlacement,
     DiscPlacement,
     GridPlacement,
-    Group,
     LinePlacement,
     PointsPlacement,
     RingPlacement,
@@ -27,66 +23,40 @@ LEAST_DISTANCE = 0.1
 _DARTS = 24
 
 
-@dataclass(frozen=True)
-class Placed:
-    """All avatars of a scenario at the start, waiting groups included.
-
-    Attributes:
-        x, z: Positions [m]. Shape (N,).
-        heading: Where they look [rad], in -pi..pi. Shape (N,).
-        group, team, type: Indices into ``groups``, ``teams`` and ``types``. Shape (N,), int32.
-        scale, girth, speed: Factors of body size, of thickness, and of speed. Shape (N,).
-        present: Whether the avatar is there from the start; others wait for an event. Shape (N,), bool.
-        groups, teams, types: Names.
-    """
-
-    x: Array
-    z: Array
-    heading: Array
-    group: Array
-    team: Array
-    type: Array
-    scale: Array
-    girth: Array
-    speed: Array
-    present: Array
-    groups: tuple[str, ...]
-    teams: tuple[str, ...]
-    types: tuple[str, ...]
-
-    @property
-    def count(self) -> int:
-        """Number of avatars N."""
-        return len(self.x)
-
-
-def place_groups(scenario: Scenario) -> Placed:
+def place_groups(scenario: Scenario) -> Array:
     """Place all groups of a scenario, in their order; the same seed gives the same bytes.
+
+    Returns:
+        Positions x and z [m] and headings [rad] of all avatars, those that wait included. Shape (3, N).
 
     Raises:
         ScenarioError: Not all avatars fit; the message holds how many did.
     """
     groups = scenario.groups
     starts = np.concatenate([[0], np.cumsum([group.count for group in groups])])
-    total = int(starts[-1])
-    x, z, headings = np.empty(total), np.empty(total), np.empty(total)
-    types = {name: number for number, name in enumerate(scenario.types)}
-    kind, index = np.empty(total, np.int32), np.repeat(np.arange(len(groups), dtype=np.int32), np.diff(starts))
-    for i, group in enumerate(groups):
+    placed = np.empty((3, int(starts[-1])))
+    x, z, headings = placed
+    for i in range(len(groups)):
         start, stop = int(starts[i]), int(starts[i + 1])
         _place(scenario, i, start, stop, x, z, headings)
         _check_arena(scenario, i, start, x[start:stop], z[start:stop])
-        kind[start:stop] = _types_of(scenario.seed, group, types, np.arange(start, stop))
     _check_conflicts(scenario, starts, x, z)
-    teams = scenario.teams
-    numbers_of = {name: number for number, name in enumerate(teams)}
-    team = np.array([numbers_of[group.team] for group in groups], np.int32)[index]
+    team = teams_of_avatars(scenario)
     for i in range(len(groups)):
         _set_headings(scenario, i, slice(int(starts[i]), int(starts[i + 1])), team, x, z, headings)
-    scale, girth, speed = (draw_numbers(scenario, kind, key) for key in ("scale", "girth", "speed"))
-    names = tuple(group.name or f"group{i + 1}" for i, group in enumerate(groups))
-    present = np.array([not group.waits for group in groups])[index]
-    return Placed(x, z, headings, index, team, kind, scale, girth, speed, present, names, teams, tuple(types))
+    return placed
+
+
+def groups_of_avatars(scenario: Scenario) -> Array:
+    """Return the index of each avatar's group. Shape (N,), int32."""
+    counts = [group.count for group in scenario.groups]
+    return np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+
+
+def teams_of_avatars(scenario: Scenario) -> Array:
+    """Return the index of each avatar's team in ``scenario.teams``. Shape (N,), int16."""
+    numbers = {name: number for number, name in enumerate(scenario.teams)}
+    return np.array([numbers[group.team] for group in scenario.groups], np.int16)[groups_of_avatars(scenario)]
 
 
 def _place(scenario: Scenario, index: int, start: int, stop: int, x: Array, z: Array, heading: Array) -> None:
@@ -243,17 +213,6 @@ def _rotated(centre: tuple[float, float], degrees: float, across: Array, ahead: 
     """Return positions that are given to the left and ahead of a centre, rotated about +y."""
     cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return centre[0] + across * cos + ahead * sin, centre[1] - across * sin + ahead * cos
-
-
-def _types_of(seed: int, group: Group, types: dict[str, int], avatars: Array) -> Array:
-    """Return the index of each avatar's type; those of a mix are drawn by its weights."""
-    if group.type is not None:
-        return np.full(len(avatars), types[group.type], np.int32)
-    mix = group.mix or {}
-    names = [name for name in types if mix.get(name, 0) > 0]
-    edges = np.cumsum([mix[name] for name in names])
-    chosen = np.searchsorted(edges / edges[-1], uniform(seed, Purpose.TYPE, avatars), side="right")
-    return np.array([types[name] for name in names], np.int32)[np.minimum(chosen, len(names) - 1)]
 
 
 def _up(length: float) -> str:

@@ -1,17 +1,16 @@
-"""From the events of a scenario to a script."""
+"""What a scenario has planned, as a simulation reads it: opponents, paths of targets, changes and the end."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.crowd.cast import Cast
 from crowdsim.crowd.crowd import ANYONE, SCRIPTED, Crowd
 from crowdsim.crowd.kernels.layout import FIGHTS, FLEES, RESTS, WATCHES
-from crowdsim.crowd.placement import Placed
-from crowdsim.crowd.script import Change, CirclePath, End, LinePath, Script, TargetPath
+from crowdsim.crowd.script import Change, CirclePath, End, LinePath, TargetPath
 from crowdsim.crowd.triggers import AtFrame, Downs, HealthBelow, Landed, LandedOn, Near, Trigger
 from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.scenario.events import (
@@ -48,30 +47,15 @@ if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
 
 
-def plan_script(
-    scenario: Scenario,
-    placed: Placed,
-    policies: Sequence[Policy],
-    crowd: Crowd,
-    cohorts: Array,
-    owners: Array,
-) -> Script:
-    """Return what a scenario has planned.
+def plan_changes(scenario: Scenario, crowd: Crowd, cohorts: Array) -> tuple[Change, ...]:
+    """Return the events of a scenario as changes of its crowd.
 
     Args:
         scenario: The scenario, resolved.
-        placed: Its avatars at the start.
-        policies: The policies that its types use.
         crowd: Its crowd.
         cohorts: Group and type of each cohort. Shape (M, 2).
-        owners: Index of the policy of each type. Shape (types,).
     """
-    rate = float(policies[0].database.control_rate)
-    changes = tuple(
-        _change(scenario, placed, policies, crowd, cohorts, owners, event, rate) for event in scenario.events
-    )
-    paths = tuple(_path(target) for target in scenario.targets.values())
-    return Script(paths, changes, _end(scenario.until, scenario.linger))
+    return tuple(_change(scenario, crowd, cohorts, event) for event in scenario.events)
 
 
 def weights_of(policy: Policy, given: dict[str, float], width: int, others: float = 0.0) -> Array:
@@ -91,26 +75,43 @@ def attackers_of(opponents: Opponents | None) -> int:
 
 
 def set_opponents(
-    scenario: Scenario, placed: Placed, who: Array, opponents: Opponents | None, skip: Array, fixed: Array
+    scenario: Scenario,
+    cast: Cast,
+    group: Array,
+    who: Array,
+    opponents: Opponents | None,
+    skip: Array,
+    fixed: Array,
 ) -> None:
-    """Write the opponents of some avatars as entries of ``Crowd.skip`` and ``Crowd.fixed``."""
+    """Write the opponents of some avatars as entries of ``Crowd.skip`` and ``Crowd.fixed``.
+
+    Args:
+        scenario: The scenario.
+        cast: Its avatars.
+        group: Index of the group of each. Shape (N,).
+        who: Which of them are concerned. Shape (N,), bool.
+        opponents: Their opponents.
+        skip: Written. Shape (N,).
+        fixed: Written. Shape (N,).
+    """
     fixed[who] = -1
     if opponents is None or isinstance(opponents, AnyoneOpponents):
         skip[who] = ANYONE
     elif isinstance(opponents, OtherTeamOpponents):
-        skip[who] = placed.team[who]
+        skip[who] = cast.teams[who]
     elif isinstance(opponents, TargetOpponents):
         skip[who] = SCRIPTED
         fixed[who] = -2 - list(scenario.targets).index(opponents.target)
     elif isinstance(opponents, FixedOpponents):
         skip[who] = SCRIPTED
-        members = np.flatnonzero(placed.group == placed.groups.index(opponents.group))
+        members = np.flatnonzero(group == _group(scenario, opponents.group))
         ours = np.flatnonzero(who)
         chosen = members[np.arange(len(ours)) % len(members)] if opponents.member is None else members[opponents.member]
         fixed[ours] = np.where(chosen == ours, -1, chosen)
 
 
-def _end(until: WantedEnd | None, lingers: float) -> End | None:
+def plan_end(until: WantedEnd | None, lingers: float) -> End | None:
+    """Return what ends a run before its duration; ``lingers`` is how long it goes on then [s]."""
     if until is None:
         return None
     if isinstance(until, CountEnd):
@@ -118,56 +119,54 @@ def _end(until: WantedEnd | None, lingers: float) -> End | None:
     return End(until, lingers=lingers)
 
 
-def _path(target: Target) -> TargetPath:
+def plan_path(target: Target) -> TargetPath:
+    """Return the path of a scripted target."""
     if isinstance(target, CircleTarget):
         return CirclePath(target.radius, target.speed, target.centre, target.height)
     return LinePath(np.array(target.points, dtype=float), target.speed, target.loop, target.height)
 
 
-def _when(placed: Placed, condition: Condition, rate: float) -> Trigger:
+def _group(scenario: Scenario, name: str | None) -> int:
+    """Return the index of a group; -1 without a name, which means all of them."""
+    return -1 if name is None else [group.name for group in scenario.groups].index(name)
+
+
+def _when(scenario: Scenario, condition: Condition, rate: float) -> Trigger:
     """Return what a condition waits for."""
     if isinstance(condition, FrameCondition):
         return AtFrame(condition.frame)
     if isinstance(condition, SecondsCondition):
         return AtFrame(round(condition.seconds * rate))
     if isinstance(condition, StrikesCondition):
-        return Landed(condition.count, -1 if condition.team is None else placed.teams.index(condition.team))
+        return Landed(condition.count, -1 if condition.team is None else scenario.teams.index(condition.team))
+    group = _group(scenario, condition.group)
     if isinstance(condition, LandedOnCondition):
-        return LandedOn(placed.groups.index(condition.group), condition.count)
+        return LandedOn(group, condition.count)
     if isinstance(condition, DownCondition):
-        return Downs(condition.count, -1 if condition.group is None else placed.groups.index(condition.group))
+        return Downs(condition.count, group)
     if isinstance(condition, HealthCondition):
-        return HealthBelow(placed.groups.index(condition.group), condition.points)
-    return Near(placed.groups.index(condition.group), placed.groups.index(condition.to), condition.below)
+        return HealthBelow(group, condition.points)
+    return Near(group, _group(scenario, condition.to), condition.below)
 
 
-def _change(
-    scenario: Scenario,
-    placed: Placed,
-    policies: Sequence[Policy],
-    crowd: Crowd,
-    cohorts: Array,
-    owners: Array,
-    event: Event,
-    rate: float,
-) -> Change:
-    """An event as a ``Change``."""
-    when = _when(placed, event.when, rate)
-    group = None if event.group is None else placed.groups.index(event.group)
-    who = np.ones(placed.count, bool) if group is None else placed.group == group
+def _change(scenario: Scenario, crowd: Crowd, cohorts: Array, event: Event) -> Change:
+    """Return an event as a ``Change``."""
+    when = _when(scenario, event.when, crowd.rate)
+    group = _group(scenario, event.group)
+    who = (crowd.group == group) | (group < 0)
+    rows = (cohorts[:, 0] == group) | (group < 0)
     if isinstance(event, WeightsEvent):
-        rows = np.ones(len(cohorts), bool) if group is None else cohorts[:, 0] == group
+        kinds, names = list(scenario.types.values()), crowd.cast.policy_names
         weights = np.full(crowd.weights.shape, np.nan)
         for row in np.flatnonzero(rows):
-            policy = policies[owners[cohorts[row, 1]]]
+            policy = crowd.policies[names.index(kinds[cohorts[row, 1]].policy)]
             weights[row] = weights_of(policy, event.behaviours, crowd.weights.shape[1], np.nan)
         heat = np.where(rows, np.nan if event.temperature is None else event.temperature, np.nan)
         defences = np.where(rows, event.behaviours.get(DEFEND, np.nan), np.nan)
         return Change(when, weights=weights, temperatures=heat, defences=defences)
     if isinstance(event, RetargetEvent):
         skip, fixed = crowd.skip.copy(), crowd.fixed.copy()
-        set_opponents(scenario, placed, who, event.opponents, skip, fixed)
-        rows = np.ones(len(cohorts), bool) if group is None else cohorts[:, 0] == group
+        set_opponents(scenario, crowd.cast, crowd.group, who, event.opponents, skip, fixed)
         margin = np.where(rows, hysteresis_of(event.opponents), np.nan)
         limit = np.where(rows, float(attackers_of(event.opponents)), np.nan)
         return Change(when, who=who, skip=skip, fixed=fixed, hysteresis=margin, attackers=limit)

@@ -5,7 +5,6 @@ A simulation that is profiled takes these times itself (``Chunk.timings``); one 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter_ns
 from typing import TYPE_CHECKING
@@ -21,8 +20,6 @@ from crowdsim.crowd.simulation import Simulation
 if TYPE_CHECKING:
     from crowdsim.crowd.arrays import Model
     from crowdsim.crowd.crowd import Crowd
-    from crowdsim.crowd.script import Script
-    from crowdsim.policy.policy import Policy
 
 
 @dataclass(frozen=True)
@@ -100,9 +97,7 @@ def stage_costs(timings: Array, avatars: int) -> tuple[Costs, ...]:
 
 def profile_crowd(
     crowd: Crowd,
-    policies: Sequence[Policy],
     frames: int,
-    script: Script | None = None,
     threads: int = 1,
     search: str = "auto",
     progress: Progress | None = None,
@@ -111,36 +106,32 @@ def profile_crowd(
 
     Args:
         crowd: The crowd.
-        policies: Its policies.
-        frames: Control frames to measure; kernels are ready before.
-        script: What is planned.
+        frames: Control frames to measure, fewer where the run ends before; kernels are ready before.
         threads: Threads for large crowds.
         search: How nearest opponents are found, one of ``scenario.groups.SEARCHES``.
         progress: Called with ("control", frames done, frames).
     """
     with watch_compilation() as compilation:
-        model = warm_up(crowd, policies, script, search, profiled=True)
-        profile = _measure(crowd, policies, frames, script, threads, search, model, progress)
+        model = warm_up(crowd, search, profiled=True)
+        profile = _measure(crowd, frames, threads, search, model, progress)
     return replace(profile, compiling=round(compilation.seconds * 1e9))
 
 
 def _measure(
     crowd: Crowd,
-    policies: Sequence[Policy],
     frames: int,
-    script: Script | None,
     threads: int,
     search: str,
     model: Model,
     progress: Progress | None,
 ) -> Profile:
     """Run a crowd whose kernels are ready."""
-    simulation = Simulation(crowd, policies, script, threads, search, profiled=True, model=model)
+    simulation = Simulation(crowd, threads, search, profiled=True, model=model)
     size = min(max(1_000_000 // max(crowd.count, 1), 1), 256)
     parts = []
     whole = 0
     try:
-        while simulation.frame < frames:
+        while simulation.frame < frames and not simulation.is_over:
             started = perf_counter_ns()
             chunk = simulation.run(min(size, frames - simulation.frame))
             whole += perf_counter_ns() - started

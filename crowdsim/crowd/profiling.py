@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -98,22 +98,19 @@ def profile_scenario(
         frames: Control frames to measure; the scenario's duration when None.
         progress: Called with stage, done and total.
     """
-    from crowdsim.crowd.cast import cast_crowd
-    from crowdsim.crowd.placement import place_groups
+    from crowdsim.crowd.draw import draw_crowd
     from crowdsim.crowd.profile import profile_crowd
 
     found = []
-    rate = float(policies[0].database.control_rate)
     for count in avatars or [scenario.avatar_count]:
         sized = with_avatars(scenario, count)
-        crowd, script = cast_crowd(sized, place_groups(sized), policies)
+        crowd = draw_crowd(sized, policies)
+        length = frames or sized.control_frames(crowd.rate)
         for number in threads:
             found.append(
                 profile_crowd(
-                    crowd,
-                    policies,
-                    frames or sized.control_frames(rate),
-                    script,
+                    replace(crowd, frames=length),
+                    length,
                     number,
                     sized.opponents.search,
                     progress=progress and _named(progress, f"{count} avatars, {number} thread{'s'[: number != 1]}"),

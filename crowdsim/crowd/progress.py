@@ -29,13 +29,13 @@ class Progress:
     def __init__(self, crowd: Crowd, avatars: Avatars, world: World) -> None:
         self._crowd, self._avatars, self._world = crowd, avatars, world
         self.frame, self.present = 0, int(np.count_nonzero(crowd.present))
-        self.landed = np.zeros(int(crowd.team.max(initial=0)) + 1, np.int64)
+        self.landed = np.zeros(int(crowd.cast.teams.max(initial=0)) + 1, np.int64)
         self.landed_on = np.zeros(int(crowd.group.max(initial=0)) + 1, np.int64)
 
     def count(self, thrown: Strikes) -> None:
         """Count strikes that have landed."""
         landed = thrown.whole[thrown.whole[:, OUTCOME] == layout.LANDED]
-        self.landed += np.bincount(self._crowd.team[landed[:, ATTACKER]], minlength=len(self.landed))
+        self.landed += np.bincount(self._crowd.cast.teams[landed[:, ATTACKER]], minlength=len(self.landed))
         victims = landed[landed[:, VICTIM] >= 0, VICTIM]
         self.landed_on += np.bincount(self._crowd.group[victims], minlength=len(self.landed_on))
 

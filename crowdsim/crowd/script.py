@@ -13,6 +13,7 @@ from crowdsim.crowd.triggers import EVERY_FRAME, STRIKES, AtFrame, Trigger
 from crowdsim.scenario.fitness import LINGERS
 
 if TYPE_CHECKING:
+    from crowdsim.crowd.crowd import Crowd
     from crowdsim.crowd.progress import Progress
 
 
@@ -124,26 +125,11 @@ class End:
     lingers: float = LINGERS
 
 
-@dataclass(frozen=True)
-class Script:
-    """What a run has planned.
-
-    Attributes:
-        targets: Paths of scripted targets.
-        changes: What happens during the run, in this order where several things happen at once.
-        until: What ends it before its duration.
-    """
-
-    targets: tuple[TargetPath, ...] = ()
-    changes: tuple[Change, ...] = ()
-    until: End | None = None
-
-
 class Agenda:
-    """The changes of a script that have not happened yet, and what has happened in a run so far.
+    """The changes that have not happened yet, and what has happened in a run so far.
 
     Args:
-        script: The script.
+        crowd: The crowd that they are planned for.
         progress: What has happened.
 
     Attributes:
@@ -151,8 +137,8 @@ class Agenda:
         progress: What has happened.
     """
 
-    def __init__(self, script: Script, progress: Progress) -> None:
-        self._changes, self._until = script.changes, script.until
+    def __init__(self, crowd: Crowd, progress: Progress) -> None:
+        self._changes, self._until = crowd.changes, crowd.until
         self.pending = list(range(len(self._changes)))
         self.progress = progress
 

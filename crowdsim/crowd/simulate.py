@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.chunk import Chunk
 from crowdsim.crowd.crowd import Crowd
-from crowdsim.crowd.script import Script
 from crowdsim.crowd.simulation import Simulation
-
-if TYPE_CHECKING:
-    from crowdsim.policy.policy import Policy
 
 _CHUNK_AVATAR_FRAMES = 1_000_000
 
 
 def simulate(
     crowd: Crowd,
-    policies: Sequence[Policy],
     frames: int,
-    script: Script | None = None,
     threads: int = 1,
     search: str = "auto",
     order: Array | None = None,
@@ -31,10 +24,8 @@ def simulate(
     """Run a crowd and yield its frames in chunks; it runs only as far as chunks are read.
 
     Args:
-        crowd: The crowd; see ``cast.cast_crowd`` for a scenario's.
-        policies: Its policies.
+        crowd: The crowd; see ``draw.draw_crowd`` for a scenario's.
         frames: Control frames.
-        script: What is planned.
         threads: Threads for large crowds.
         search: How nearest opponents are found, one of ``scenario.groups.SEARCHES``.
         order: Number of the avatar in each slot at the start; it changes no result. Shape (N,).
@@ -45,7 +36,7 @@ def simulate(
         RunError: An avatar's position or values are not finite; the message names avatar and frame.
     """
     size = chunk or min(max(_CHUNK_AVATAR_FRAMES // max(crowd.count, 1), 1), 256)
-    simulation = Simulation(crowd, policies, script, threads, search, order, profiled)
+    simulation = Simulation(crowd, threads, search, order, profiled)
     try:
         while simulation.frame < frames and not simulation.is_over:
             yield simulation.run(min(size, frames - simulation.frame))

@@ -7,15 +7,14 @@ stage shared out among threads. Both give the same bytes, for any number of thre
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World
 from crowdsim.crowd.buffers import empty_record, empty_scratch, empty_strikes
-from crowdsim.crowd.chunk import STAGES, Chunk, events_of
+from crowdsim.crowd.chunk import STAGES, Chunk, Frame, events_of
 from crowdsim.crowd.cohorts import cohort_columns
 from crowdsim.crowd.crowd import Crowd, build_avatars, enter
 from crowdsim.crowd.kernels import layout
@@ -26,32 +25,27 @@ from crowdsim.crowd.opponents import Index, build_index
 from crowdsim.crowd.outcome import Outcome, find_outcome
 from crowdsim.crowd.progress import Progress
 from crowdsim.crowd.random import Purpose, stream
-from crowdsim.crowd.script import Agenda, Change, Script, target_positions
+from crowdsim.crowd.script import Agenda, Change, target_positions
 from crowdsim.crowd.stages import Stages, lost_avatar
 from crowdsim.crowd.state import read_state, write_state
 from crowdsim.crowd.workers import Workers
-from crowdsim.errors import nearest
+from crowdsim.errors import RunError, nearest
 from crowdsim.scenario.groups import SEARCHES
-
-if TYPE_CHECKING:
-    from crowdsim.policy.policy import Policy
-
 
 SMALL = 400
 """Most avatars whose opponents ``auto`` finds by comparing with everyone, many frames in one compiled call."""
 
 
 class Simulation:
-    """A crowd in motion.
+    """A crowd in motion; ``step`` runs the next control frame, ``run`` many at once, and a loop over it all of them.
 
     Args:
         crowd: The crowd.
-        policies: Its policies.
-        script: What is planned.
         threads: Threads for large crowds.
         search: How nearest opponents are found, one of ``scenario.groups.SEARCHES``.
         order: Number of the avatar in each slot at the start; it changes no result. Shape (N,).
         profiled: Take the time of every stage.
+        model: Arrays of the crowd's policies; built when None.
 
     Attributes:
         searches: What has found them so far, in this order: ``direct``, ``kd_tree`` or ``scipy``. With ``auto`` it is
@@ -65,8 +59,6 @@ class Simulation:
     def __init__(
         self,
         crowd: Crowd,
-        policies: Sequence[Policy],
-        script: Script | None = None,
         threads: int = 1,
         search: str = "auto",
         order: Array | None = None,
@@ -75,18 +67,17 @@ class Simulation:
     ) -> None:
         if search not in SEARCHES:
             raise ValueError(f"search is {search!r}, expected one of {', '.join(SEARCHES)}{nearest(search, SEARCHES)}")
-        most = max(len(policy.behaviours) for policy in policies)
+        most = max(len(policy.behaviours) for policy in crowd.policies)
         if crowd.weights.shape[1] < most:
             raise ValueError(
                 f"crowd has weights of {crowd.weights.shape[1]} behaviours, expected {most} as policies have"
             )
         self.crowd = crowd
-        self.model = build_model(policies, len(crowd.stances) > 0) if model is None else model
+        self.model = build_model(crowd.policies, bool(crowd.cast.stances.any())) if model is None else model
         self.avatars: Avatars = build_avatars(crowd, self.model, order)
         self.present = int(np.count_nonzero(crowd.present))
         self.frame = 0
-        self.rate = float(policies[0].database.control_rate)
-        self._script = script or Script()
+        self.rate = crowd.rate
         self.outcome: Outcome | None = None
         self._workers = Workers(threads)
         self._search = search
@@ -94,7 +85,7 @@ class Simulation:
         self.searches: list[str] = []
         self._profiled = profiled
         self._fresh = np.arange(self.present, dtype=np.int32)
-        self._lingers = 0 if self._script.until is None else round(self._script.until.lingers * self.rate)
+        self._lingers = 0 if crowd.until is None else round(crowd.until.lingers * self.rate)
         self._stages = Stages(crowd, self.model, self.avatars, self._index, self._workers)
         self._scratch = empty_scratch(self.model, crowd.crowding.most, min(SMALL, max(crowd.count, 1)))
         self._world = World(
@@ -109,7 +100,7 @@ class Simulation:
             targets=np.zeros((2, 0, 3)),
             stream=np.array([stream(crowd.seed, Purpose.CHOICE), stream(crowd.seed, Purpose.BURST)], np.uint64),
         )
-        self._agenda = Agenda(self._script, Progress(crowd, self.avatars, self._world))
+        self._agenda = Agenda(crowd, Progress(crowd, self.avatars, self._world))
 
     @property
     def nbytes(self) -> int:
@@ -135,12 +126,43 @@ class Simulation:
 
     @property
     def is_over(self) -> bool:
-        """Whether the run has come to the end that its script has set, and what follows that has been shown."""
-        return self.outcome is not None and self.frame >= self.outcome.frame + self._lingers
+        """Whether the run has come to its planned duration, or has lingered as long as planned after its end."""
+        ends = self.outcome is not None and self.frame >= self.outcome.frame + self._lingers
+        return ends or self.frame >= self.crowd.frames
 
     def close(self) -> None:
         """End the threads."""
         self._workers.close()
+
+    def __enter__(self) -> Simulation:
+        """Return the simulation, whose threads end with the context."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the threads."""
+        self.close()
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Run and yield one control frame after another, until the run is over."""
+        while (chunk := self.run(1)).frames:
+            yield chunk.frame(0)
+
+    def step(self) -> Frame:
+        """Run the next control frame and return it; it is the same whatever else is run in one call.
+
+        Raises:
+            RunError: The run is over (``is_over``), or an avatar's position or values are not finite.
+        """
+        chunk = self.run(1)
+        if not chunk.frames:
+            raise RunError(
+                f"the run is over after {self.frame} control frames, expected no step where 'is_over' is true; "
+                "load the scenario with more frames to go on"
+            )
+        if not self.is_over:
+            # Events of the next frame may end the run before it, which is known from now on.
+            self._apply_events()
+        return chunk.frame(0)
 
     def run(self, frames: int) -> Chunk:
         """Run the next ``frames`` control frames and return them; fewer where the run comes to its end before.
@@ -149,12 +171,13 @@ class Simulation:
             RunError: An avatar's position or values are not finite; the message names avatar and frame.
         """
         first, count = self.frame, self.crowd.count
+        frames = min(frames, max(self.crowd.frames - first, 0))
         record = empty_record(frames, count)
         timings = np.zeros((frames, len(STAGES)), np.int64) if self._profiled else None
         strikes = []
         done = 0
         while done < frames and not self.is_over:
-            self._happen()
+            self._apply_events()
             if self.is_over:
                 break
             if self.present < count:
@@ -173,7 +196,7 @@ class Simulation:
             self._agenda.progress.count(thrown)
             done += ran
         record = record.rows(0, done)
-        targets = target_positions(self._script.targets, first, done, self.rate)
+        targets = target_positions(self.crowd.targets, first, done, self.rate)
         return Chunk(
             first=first,
             action=record.whole[0],
@@ -219,9 +242,9 @@ class Simulation:
             self.searches.append(search)
 
     def _world_at(self, first: int, frames: int) -> World:
-        if not self._script.targets:
+        if not self.crowd.targets:
             return self._world._replace(targets=np.zeros((frames, 0, 3)))
-        return self._world._replace(targets=target_positions(self._script.targets, first, frames, self.rate))
+        return self._world._replace(targets=target_positions(self.crowd.targets, first, frames, self.rate))
 
     def _blank(self, record: Record, first: int, last: int) -> None:
         """Mark avatars as absent in the record; those that are present write over it."""
@@ -229,7 +252,7 @@ class Simulation:
         record.real[0, first:last] = 0.0
         record.real[1:, first:last] = np.nan
 
-    def _happen(self) -> None:
+    def _apply_events(self) -> None:
         """Make changes whose time has come, before this frame's decisions."""
         progress = self._agenda.progress
         progress.frame, progress.present = self.frame, self.present
@@ -240,13 +263,13 @@ class Simulation:
                 self._admit(leave, present=False)
                 self._index.reset()
         for change in self._agenda.due():
-            self._make(change)
+            self._apply(change)
         progress.present = self.present
         self._world.pauses[0] = float(self._agenda.waits_for_strikes)
-        if self._script.until is not None and self.outcome is None:
-            self.outcome = find_outcome(self._script.until, self._agenda, self.crowd)
+        if self.crowd.until is not None and self.outcome is None:
+            self.outcome = find_outcome(self.crowd.until, self._agenda, self.crowd)
 
-    def _make(self, change: Change) -> None:
+    def _apply(self, change: Change) -> None:
         for values, new in (
             (self._world.weights, change.weights),
             (self._world.cohorts[:, layout.TEMPERATURE], change.temperatures),

@@ -34,25 +34,22 @@ _SIGNS = {"orthodox": 1, "southpaw": -1}
 
 
 def draw_stances(scenario: Scenario, types: Array) -> Array:
-    """Return the stance of each avatar, or none where no type asks for one.
+    """Return the stance of each avatar.
 
     Args:
         scenario: The scenario.
         types: Index of the type of each avatar. Shape (N,).
 
     Returns:
-        0 for one that may change its stance, 1 for orthodox, 2 for southpaw. Shape (N,) or (0,), uint8.
+        0 for one that may change its stance, 1 for orthodox, 2 for southpaw. Shape (N,), uint8.
     """
-    kinds = list(scenario.types.values())
-    if all(scenario.types[name].stance is None for name in scenario.used_types):
-        return np.zeros(0, np.uint8)
     drawn = np.zeros(len(types), np.uint8)
-    for index, kind in enumerate(kinds):
-        own = np.flatnonzero(types == index)
+    for index, kind in enumerate(scenario.types.values()):
         if isinstance(kind.stance, StanceShare):
+            own = np.flatnonzero(types == index)
             drawn[own] = 1 + (uniform(scenario.seed, Purpose.STANCE, own) < kind.stance.southpaw)
         elif kind.stance is not None:
-            drawn[own] = 1 + STANCES.index(kind.stance)
+            drawn[types == index] = 1 + STANCES.index(kind.stance)
     return drawn
 
 

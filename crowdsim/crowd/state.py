@@ -88,7 +88,7 @@ def write_state(simulation: Changing, state: Mapping[str, Array]) -> None:
     simulation._agenda.pending = state["agenda.pending"].tolist()
     simulation._agenda.progress.landed[...] = state["agenda.landed"]
     simulation._agenda.progress.landed_on[...] = state["agenda.landed_on"]
-    until, ended = simulation._script.until, int(state["outcome.frame"])
+    until, ended = simulation.crowd.until, int(state["outcome.frame"])
     simulation.outcome = None if until is None or ended < 0 else Outcome(until.kind, ended, state["outcome.standing"])
     simulation.frame = int(state["frame"])
     simulation.searches = [str(search) for search in state["searches"]]

@@ -14,7 +14,7 @@ from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.shown_motion import NONE
 from crowdsim.crowd.opponents import Index
 from crowdsim.crowd.outcome import Outcome
-from crowdsim.crowd.script import Agenda, Script
+from crowdsim.crowd.script import Agenda
 
 FAR = 1e9
 """Greatest numbers of an avatar [m, rad, control frames]."""
@@ -49,7 +49,6 @@ class Changing(Protocol):
     _fresh: Array
     _world: World
     _agenda: Agenda
-    _script: Script
     _index: Index
 
 
@@ -79,7 +78,7 @@ def check_values(simulation: Changing, now: Mapping[str, Array], state: Mapping[
 
 def _check_whole(simulation: Changing, state: Mapping[str, Array]) -> None:
     whole, model, count = state["avatars.whole"], simulation.model, simulation.crowd.count
-    least, most = -1 - len(simulation._script.targets), 2**31 - 1
+    least, most = -1 - len(simulation.crowd.targets), 2**31 - 1
     policy = whole[layout.POLICY]
     first, last = model.policies[policy, layout.ACTIONS], model.policies[policy + 1, layout.ACTIONS] - 1
     others = dict.fromkeys(
@@ -87,7 +86,7 @@ def _check_whole(simulation: Changing, state: Mapping[str, Array]) -> None:
     )
     limits: dict[int, tuple[int | Array, int | Array]] = {
         **others,
-        layout.SKIP: (-2, int(simulation.crowd.team.max(initial=0))),
+        layout.SKIP: (-2, int(simulation.crowd.cast.teams.max(initial=0))),
         layout.DECISIONS: (0, most),
         layout.ACTION: (first, last),
         layout.PENDING: (-1, layout.NO_STRIKE),
@@ -124,7 +123,7 @@ def _check_conditions(simulation: Changing, now: Mapping[str, Array], state: Map
     """Hold what avatars are told to do, how well they are, and what they are like against what can be."""
     rows, whole = state["avatars.conditions"], state["avatars.whole"]
     team = whole[layout.TEAM]
-    own = simulation.crowd.team[: len(team)]
+    own = simulation.crowd.cast.teams[: len(team)].astype(np.int32)
     is_down = np.zeros(len(team), bool)
     if not np.array_equal(now["avatars.conditions"][:, _TEMPERAMENT], rows[:, _TEMPERAMENT]):
         raise ValueError("array 'avatars.conditions' holds other temperaments or stances than those of the run")
@@ -164,7 +163,7 @@ def _check_rest(simulation: Changing, state: Mapping[str, Array]) -> None:
     _refuse("present", present.view(np.uint8), present.view(np.uint8) <= 1)
     for name, numbers, count in (
         ("fresh", fresh, simulation.crowd.count),
-        ("agenda.pending", pending, len(simulation._script.changes)),
+        ("agenda.pending", pending, len(simulation.crowd.changes)),
     ):
         if numbers.ndim != 1:
             raise ValueError(f"array {name!r} has the shape {numbers.shape}, expected one axis")

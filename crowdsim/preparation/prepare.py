@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from crowdsim import assets
 from crowdsim.core.types import FileName, Progress
-from crowdsim.errors import RecipeError, RunError
+from crowdsim.errors import RecipeError
 from crowdsim.machine import available_memory
+from crowdsim.policy.checks import DEFENCE
+from crowdsim.policy.defence import NAME as DEFEND
+from crowdsim.policy.flattening import STORED
 from crowdsim.scenario.scenario import Scenario
-from crowdsim.take.data import Cast, TakeHeader
+from crowdsim.take.data import TakeHeader
 
 if TYPE_CHECKING:
     from crowdsim.crowd.crowd import Crowd
-    from crowdsim.crowd.placement import Placed
-    from crowdsim.crowd.script import Script
     from crowdsim.policy.policy import Policy
+    from crowdsim.training.recipe import Recipe
 
 
 TRAINING_MINUTES = 2.0
@@ -32,29 +32,6 @@ LARGE = 20_000
 _BASE_BYTES, _AVATAR_BYTES, _FRAME_BYTES, _DISK_BYTES = 400e6, 1200.0, 6.0, 20.0
 """Memory of a run: of the program and a policy, an avatar, an avatar-frame's strikes; and what a take holds of it on
 disk at most. Measured with the shipped crowds, rounded up."""
-
-
-@dataclass(frozen=True)
-class Prepared:
-    """A scenario ready to be run.
-
-    Attributes:
-        policies: Its policies.
-        cast: What is constant for each avatar.
-        crowd: The crowd before its first frame.
-        script: What is planned.
-        frames: Control frames.
-        rate: Control frames a second.
-        header: What is known of the take.
-    """
-
-    policies: Sequence[Policy]
-    cast: Cast
-    crowd: Crowd
-    script: Script
-    frames: int
-    rate: float
-    header: TakeHeader
 
 
 def load_policies(
@@ -145,7 +122,6 @@ def kernel_uses(scenario: Scenario, untrained: Sequence[str] = ()) -> list[str]:
         RecipeError: A recipe is invalid.
         PolicyError: A policy is missing, or its bundle is damaged.
     """
-    from crowdsim.crowd.cast import table_type_of
     from crowdsim.crowd.simulation import SMALL
 
     outputs = scenario.outputs
@@ -160,63 +136,70 @@ def kernel_uses(scenario: Scenario, untrained: Sequence[str] = ()) -> list[str]:
     return [use for use, is_needed in needed.items() if is_needed]
 
 
-def prepare(scenario: Scenario, policies: Sequence[Policy], placed: Placed | None = None) -> Prepared:
-    """Return a scenario with its policies, ready to be run.
-
-    Raises:
-        ScenarioError: Not all avatars fit, or a type weighs a behaviour that its policy has not learned.
-        RunError: The policies' control rates differ.
-    """
-    from crowdsim.crowd.cast import cast_crowd
-    from crowdsim.crowd.placement import place_groups
-
-    rates = {policy.name: float(policy.database.control_rate) for policy in policies}
-    if len(set(rates.values())) > 1:
-        result = ", ".join(f"{name} has {rate:g}" for name, rate in rates.items())
-        raise RunError(f"{scenario.name}: policies of one run need one control rate, but {result}")
-    placed = placed or place_groups(scenario)
-    crowd, script = cast_crowd(scenario, placed, policies)
-    rate = next(iter(rates.values()))
-    cast = build_cast(scenario, placed, policies)
-    fingerprints = tuple(policy.fingerprint for policy in policies)
-    targets = tuple(scenario.targets)
-    options = scenario.reactions, scenario.collision_avoidance
-    header = TakeHeader(cast, rate, scenario.name, scenario.seed, fingerprints, targets, *options)
-    return Prepared(policies, cast, crowd, script, scenario.control_frames(rate), rate, header)
-
-
-def build_cast(scenario: Scenario, placed: Placed, policies: Sequence[Policy]) -> Cast:
-    """Return what is constant for each avatar."""
-    from crowdsim.crowd.cast import policies_of_types
-    from crowdsim.crowd.distributions import draw_numbers
-    from crowdsim.crowd.stances import draw_stances
-
-    kinds = list(scenario.types.values())
-    owner, stances = policies_of_types(scenario, policies), draw_stances(scenario, placed.type)
-    colours = [[np.nan] * 3 if kind.colour is None else _rgb(kind.colour) for kind in kinds]
-    return Cast(
-        names=np.array(scenario.avatar_names()),
-        types=placed.type.astype(np.int16),
-        teams=placed.team.astype(np.int16),
-        policies=owner[placed.type],
-        scales=placed.scale.astype(np.float32),
-        speeds=placed.speed.astype(np.float32),
-        type_names=tuple(placed.types),
-        team_names=tuple(placed.teams),
-        policy_names=tuple(policy.name for policy in policies),
-        colours=np.array(colours, float).reshape(-1, 3),
-        girths=placed.girth.astype(np.float32),
-        legs=draw_numbers(scenario, placed.type, "legs").astype(np.float32),
-        arms=draw_numbers(scenario, placed.type, "arms").astype(np.float32),
-        tempos=draw_numbers(scenario, placed.type, "tempo").astype(np.float32),
-        aggressions=draw_numbers(scenario, placed.type, "aggression").astype(np.float32),
-        ranges=draw_numbers(scenario, placed.type, "range").astype(np.float32),
-        stances=stances if len(stances) else np.zeros(placed.count, np.uint8),
+def take_header(scenario: Scenario, crowd: Crowd) -> TakeHeader:
+    """Return what is known of the take of a run before its first frame."""
+    return TakeHeader(
+        crowd.cast,
+        crowd.rate,
+        scenario.name,
+        scenario.seed,
+        tuple(policy.fingerprint for policy in crowd.policies),
+        tuple(scenario.targets),
+        scenario.reactions,
+        scenario.collision_avoidance,
     )
 
 
-def _rgb(colour: str) -> list[float]:
-    return [int(colour[place : place + 2], 16) / 255.0 for place in (1, 3, 5)]
+def learned_behaviours(policy: str) -> list[str]:
+    """Return the behaviours of a policy by its name, trained or not.
+
+    Raises:
+        RecipeError: Its recipe is invalid.
+        PolicyError: There is no such policy, or its bundle is damaged.
+    """
+    recipe, document = _recipe_or_bundle(policy)
+    if recipe:
+        return [*recipe.behaviours, *([DEFEND] if recipe.defend is not None else [])]
+    named = [str(behaviour["name"]) for behaviour in document["behaviours"]]
+    return [*named, *([DEFEND] if f"{DEFENCE}.npy" in document["files"] else [])]
+
+
+def control_rate_of(policy: str) -> float:
+    """Return the control rate of a policy by its name, trained or not [Hz].
+
+    Raises:
+        RecipeError: Its recipe is invalid.
+        PolicyError: There is no such policy, or its bundle is damaged.
+    """
+    recipe, document = _recipe_or_bundle(policy)
+    return float(recipe.control_rate if recipe else document["database"]["control_rate"])
+
+
+def table_type_of(policies: Sequence[str]) -> str:
+    """Return the type of the tables that control reads in a run of some policies, by their names, trained or not.
+
+    Raises:
+        RecipeError: A recipe is invalid.
+        PolicyError: There is no such policy, or its bundle is damaged.
+    """
+    found = set()
+    for policy in policies:
+        recipe, document = _recipe_or_bundle(policy)
+        found.add(STORED[recipe.precision if recipe else document["recipe"]["precision"]])
+    # float16 is read as float32, and so are tables of several types.
+    return found.pop() if found in ({"uint8"}, {"uint16"}) else "float32"
+
+
+def _recipe_or_bundle(policy: str) -> tuple[Recipe | None, Mapping[str, Any]]:
+    """Return the recipe of a policy, or None and what the bundle of a policy without a recipe says."""
+    from crowdsim.policy.bundle import read_document
+    from crowdsim.training.recipe import load_recipe
+
+    try:
+        path = assets.find_recipe(policy)
+    except RecipeError:
+        return None, read_document(assets.find_bundle(policy))
+    return load_recipe(path), {}
 
 
 def estimate_needs(avatars: int, frames: int) -> tuple[float, float]:

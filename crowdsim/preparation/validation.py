@@ -118,7 +118,8 @@ def late_events(scenario: Scenario) -> list[Finding]:
 
 
 def _behaviour_findings(scenario: Scenario) -> list[Finding]:
-    from crowdsim.crowd.cast import learned_behaviours, unlearned_behaviours
+    from crowdsim.crowd.draw import unlearned_behaviours
+    from crowdsim.preparation.prepare import learned_behaviours
 
     policies = dict.fromkeys(kind.policy for kind in scenario.types.values())
     return unlearned_behaviours(scenario, {name: learned_behaviours(name) for name in policies})
@@ -170,7 +171,7 @@ def control_rate(scenario: Scenario) -> float:
     Raises:
         ScenarioError: They differ.
     """
-    from crowdsim.crowd.cast import control_rate_of
+    from crowdsim.preparation.prepare import control_rate_of
 
     used = {name: kind.policy for name, kind in scenario.types.items() if name in scenario.used_types}
     rates = {policy: control_rate_of(policy) for policy in dict.fromkeys(used.values())}

@@ -17,7 +17,7 @@ from crowdsim.config.documents import parse_json
 from crowdsim.core.types import FileName, Progress
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.files import copy_plain, read_plain, remove_plain, walk, write_plain
-from crowdsim.preparation.prepare import load_policies, prepare
+from crowdsim.preparation.prepare import load_policies
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from crowdsim.runs.folder import other_run, read_resolved, resolved_value
@@ -80,6 +80,8 @@ def _extend(one: Run, length: tuple[float, bool]) -> None:
     Raises:
         OutputError: The folder holds another run, or something has changed since.
     """
+    from crowdsim.crowd.draw import draw_crowd
+
     folder = one.folder
     policies = load_policies(one.scenario, one.mocap, one.threads, one.progress)
     one.policy_folders = bundle_folders([policy.name for policy in policies])
@@ -99,8 +101,8 @@ def _extend(one: Run, length: tuple[float, bool]) -> None:
             copy_plain(folder / TAKE / name, stage, f"{TAKE}.partial/{name}", link=is_chunk)
         write_checkpoint(stage, replace(begun, origin=now.checksum))
 
-    prepared = prepare(one.scenario, policies)
-    write_run(one, prepared, now, plan_run(one, prepared), seed)
+    crowd = draw_crowd(one.scenario, policies)
+    write_run(one, crowd, now, plan_run(one, crowd), seed)
 
 
 def forget_extension(folder: Path) -> None:

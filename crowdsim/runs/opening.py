@@ -127,7 +127,7 @@ def read_arena(folder: Path) -> Array:
 
     Ground is open where the scenario is not there any more or says nothing that can be read.
     """
-    from crowdsim.crowd.cast import pack_arena
+    from crowdsim.crowd.draw import pack_arena
 
     try:
         arena: Any = TypeAdapter(Arena).validate_python(resolved_value(place_of(folder), "arena"))

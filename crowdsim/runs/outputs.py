@@ -176,7 +176,7 @@ def write_outputs(run: Run, take: Take, policies: Sequence[Policy]) -> dict[str,
 
 def _render(run: Run, take: Take, policies: Sequence[Policy]) -> list[Path]:
     """Write the pictures that a run's scenario asks for; return their files."""
-    from crowdsim.crowd.cast import pack_arena
+    from crowdsim.crowd.draw import pack_arena
     from crowdsim.render.batch import picture_files, render
     from crowdsim.render.command import scenario_options
     from crowdsim.render.take_source import TakeSource

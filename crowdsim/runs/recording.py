@@ -10,11 +10,11 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.chunk import Chunk
+from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.ending import describe_outcome
 from crowdsim.crowd.jit_warmup import warm_up
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.errors import RunError, TakeError
-from crowdsim.preparation.prepare import Prepared
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.checkpoint import Checkpoint
 from crowdsim.runs.run import Run
@@ -53,7 +53,7 @@ class Keeper(Protocol):
 
 def record(
     run: Run,
-    prepared: Prepared,
+    crowd: Crowd,
     sink: Sink,
     counter: StatisticsCounter | None = None,
     keeper: Keeper | None = None,
@@ -62,7 +62,7 @@ def record(
 
     Args:
         run: The run.
-        prepared: All that it begins with.
+        crowd: Its crowd.
         sink: Where the frames go.
         counter: Counts them.
         keeper: Keeps checkpoints, and knows the one that the run goes on from.
@@ -73,22 +73,18 @@ def record(
     Raises:
         Interrupted: A signal has come; the sink holds the frames that were done.
     """
-    crowd, policies, script = prepared.crowd, prepared.policies, prepared.script
     profiled, search = run.scenario.outputs.profile is not None, run.scenario.opponents.search
     timings: list[Array] = []
     try:
-        model = warm_up(crowd, policies, script, search, profiled)
-        simulation = Simulation(crowd, policies, script, run.threads, search, run.order, profiled, model)
-        try:
+        model = warm_up(crowd, search, profiled)
+        with Simulation(crowd, run.threads, search, run.order, profiled, model) as simulation:
             if keeper is not None and keeper.begun is not None:
                 _restore(simulation, keeper.begun, run.work)
                 timings += [] if keeper.begun.timings is None else [keeper.begun.timings]
             run.clock.lap("prepare")
-            _record_chunks(run, prepared, simulation, timings, sink, counter, keeper)
+            _record_chunks(run, simulation, timings, sink, counter, keeper)
             if simulation.outcome is not None:
                 run.report.outcome = describe_outcome(run.scenario, simulation.outcome)
-        finally:
-            simulation.close()
         sink.close()
     except RunError:
         # It would fail again.
@@ -99,7 +95,6 @@ def record(
 
 def _record_chunks(
     run: Run,
-    prepared: Prepared,
     simulation: Simulation,
     timings: list[Array],
     sink: Sink,
@@ -111,7 +106,8 @@ def _record_chunks(
     Raises:
         Interrupted: A signal has come.
     """
-    for chunk in _chunks(run, prepared, simulation):
+    frames = simulation.crowd.frames
+    for chunk in _chunks(run, simulation):
         sink.append(chunk.variables(), chunk.events, chunk.targets)
         run.clock.lap("take")
         if counter is not None:
@@ -120,17 +116,17 @@ def _record_chunks(
         if chunk.timings is not None:
             timings.append(chunk.timings)
         done = simulation.frame
-        is_last = done == prepared.frames or simulation.is_over
+        is_last = simulation.is_over
         is_caught = bool(run.caught) and not is_last
         if is_caught:
             run.stop_waiting()
         if keeper is not None:
             keeper.keep(simulation, timings, is_caught or is_last)
             run.clock.lap("checkpoints")
-        run.advance("control", done, done if is_last else prepared.frames)
+        run.advance("control", done, done if is_last else frames)
         if is_caught:
             sink.close("interrupted")
-            run.interrupt(f"the {done} of {prepared.frames} control frames that were done are kept")
+            run.interrupt(f"the {done} of {frames} control frames that were done are kept")
 
 
 def _restore(simulation: Simulation, begun: Checkpoint, folder: Path) -> None:
@@ -147,14 +143,14 @@ def _restore(simulation: Simulation, begun: Checkpoint, folder: Path) -> None:
         raise TakeError(f"{folder / CHECKPOINT}: cannot be continued: {error}; remove it to start over") from None
 
 
-def _chunks(run: Run, prepared: Prepared, simulation: Simulation) -> Iterator[Chunk]:
+def _chunks(run: Run, simulation: Simulation) -> Iterator[Chunk]:
     """Yield the control frames of a run as they come."""
-    avatars = len(prepared.cast.names)
+    avatars = simulation.crowd.count
     size, step = chunk_frames(avatars, run.scenario.outputs.take.chunk), max(1, _STEP_AVATAR_FRAMES // avatars)
-    while simulation.frame < prepared.frames and not simulation.is_over:
+    while not simulation.is_over:
         run.clock.start()
         # No further than to the end of a chunk of the take, where a checkpoint is small.
         until = size - simulation.frame % size
-        chunk = simulation.run(min(step, until, prepared.frames - simulation.frame))
+        chunk = simulation.run(min(step, until))
         run.clock.lap("control")
         yield chunk

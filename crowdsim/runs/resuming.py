@@ -14,7 +14,7 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.files import is_folder, remove_tree
-from crowdsim.preparation.prepare import Prepared
+from crowdsim.preparation.prepare import take_header
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.checkpoint import Checkpoint, Pace, write_checkpoint
 from crowdsim.runs.recording import record
@@ -26,6 +26,7 @@ from crowdsim.take.store import TakeWriter, open_take
 from crowdsim.take.take import VARIABLES, Take
 
 if TYPE_CHECKING:
+    from crowdsim.crowd.crowd import Crowd
     from crowdsim.crowd.statistics import StatisticsCounter
 
 
@@ -62,13 +63,13 @@ class CheckpointKeeper:
 
 
 def write_take(
-    run: Run, prepared: Prepared, origin: str, begun: Checkpoint | None, counter: StatisticsCounter
+    run: Run, crowd: Crowd, origin: str, begun: Checkpoint | None, counter: StatisticsCounter
 ) -> tuple[Take, Array | None]:
     """Simulate a run and write its take as it comes, from its first frame or from a checkpoint on.
 
     Args:
         run: The run.
-        prepared: All that it begins with.
+        crowd: Its crowd.
         origin: Checksum of what it is made from.
         begun: The checkpoint that it goes on from.
         counter: Counts its frames, those of before too.
@@ -83,24 +84,25 @@ def write_take(
     """
     path = run.work / TAKE
     chunk = run.scenario.outputs.take.chunk
-    writer = TakeWriter(path, prepared.header, prepared.frames, chunk)
+    header = take_header(run.scenario, crowd)
+    writer = TakeWriter(path, header, crowd.frames, chunk)
     if begun is not None:
         try:
-            if begun.frame == prepared.frames and path.exists():
-                take = with_known_actions(open_take(path), prepared.policies)
+            if begun.frame == crowd.frames and path.exists():
+                take = with_known_actions(open_take(path), crowd.policies)
                 if take.status == "done":
                     _recount(counter, _rows(take, writer.chunk), (take.events.outcome, take.events.down))
                     run.report.continued_at = begun.frame
                     return take, begun.timings
-            check_begun(begun, path, len(prepared.cast.names))
+            check_begun(begun, path, crowd.count)
             writer.reopen(begun.take)
-            counts = action_counts(prepared.policies, prepared.cast.policies)
+            counts = action_counts(crowd.policies, crowd.cast.policies)
             _recount(counter, written_frames(writer, path, counts), written_strikes(writer))
             run.report.continued_at = begun.frame
         except TakeError as error:
             run.tell(f"{error}; starting over")
             begun = None
-            writer = TakeWriter(path, prepared.header, prepared.frames, chunk)
+            writer = TakeWriter(path, header, crowd.frames, chunk)
             writer.abandon()
             if is_folder(run.work, TAKE):
                 remove_tree(run.work, TAKE)
@@ -108,7 +110,7 @@ def write_take(
         if begun is None:
             writer.open()
         run.clock.lap("take")
-        timings = record(run, prepared, writer, counter, CheckpointKeeper(run.work, origin, writer, begun))
+        timings = record(run, crowd, writer, counter, CheckpointKeeper(run.work, origin, writer, begun))
     except OutputError:
         if not (run.work / CHECKPOINT).exists():
             # Nothing could go on from what is there.

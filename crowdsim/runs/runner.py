@@ -17,11 +17,10 @@ from crowdsim.files import copy_plain, exists_plain, is_folder, remove_plain, re
 from crowdsim.machine import peak_memory
 from crowdsim.preparation.prepare import (
     LARGE,
-    Prepared,
     kernel_uses,
     load_policies,
     needs,
-    prepare,
+    take_header,
     training_notice,
     untrained_policies,
 )
@@ -42,6 +41,7 @@ from crowdsim.scenario.warnings import policy_warnings
 from crowdsim.take.take import Take
 
 if TYPE_CHECKING:
+    from crowdsim.crowd.crowd import Crowd
     from crowdsim.policy.policy import Policy
 
 _OWN = {RESOLVED, CHECKPOINT, MANIFEST}
@@ -74,15 +74,16 @@ def run(
         PolicyError: A bundle is foreign or damaged, or capture for it is missing.
         RunError: The run failed.
     """
+    from crowdsim.crowd.draw import draw_crowd
     from crowdsim.runs.recording import record
     from crowdsim.take.memory import TakeCollector
 
     one = Run(scenario, threads, mocap, progress, order=order)
     if policies is None:
         check_scenario(scenario)
-    prepared = _prepare(one) if policies is None else prepare(scenario, policies)
-    collector = TakeCollector(prepared.header, prepared.policies)
-    record(one, prepared, collector)
+    crowd = _draw(one) if policies is None else draw_crowd(scenario, policies)
+    collector = TakeCollector(take_header(scenario, crowd), crowd.policies)
+    record(one, crowd, collector)
     return collector.take()
 
 
@@ -135,17 +136,18 @@ def run_to(
 
 def _run_in_folder(one: Run, resolved: str, policies: Sequence[Policy] | None) -> None:
     """Run a scenario into a folder that is fit for it, unless another run has done so meanwhile."""
+    from crowdsim.crowd.draw import draw_crowd
+
     if policies is None:
-        prepared = _prepare(one)
-        one.policy_folders = bundle_folders([policy.name for policy in prepared.policies])
+        crowd = _draw(one)
+        one.policy_folders = bundle_folders([policy.name for policy in crowd.policies])
     else:
-        prepared = prepare(one.scenario, policies)
+        crowd = draw_crowd(one.scenario, policies)
     expect_outputs(one.scenario)
     one.clock.lap("prepare")
-    avatars = len(prepared.cast.names)
-    if one.notify is not None and avatars >= LARGE:
-        one.notify(needs(avatars, prepared.frames, one.folder))
-    origin, plan = origin_of(resolved, prepared.policies), plan_run(one, prepared)
+    if one.notify is not None and crowd.count >= LARGE:
+        one.notify(needs(crowd.count, crowd.frames, one.folder))
+    origin, plan = origin_of(resolved, crowd.policies), plan_run(one, crowd)
     with one.catch_signals(), hold_folder(one.folder, one.command):
         complete(one.folder)
         # Another run may have come and gone since the first look.
@@ -154,17 +156,15 @@ def _run_in_folder(one: Run, resolved: str, policies: Sequence[Policy] | None) -
             return
         if not one.force:
             check_begun(one.folder, origin)
-        write_run(one, prepared, origin, plan)
+        write_run(one, crowd, origin, plan)
 
 
-def write_run(
-    one: Run, prepared: Prepared, origin: Origin, plan: Plan, seed: Callable[[Path], None] | None = None
-) -> None:
+def write_run(one: Run, crowd: Crowd, origin: Origin, plan: Plan, seed: Callable[[Path], None] | None = None) -> None:
     """Write a run into its stage, or what is missing there, and put everything in its place.
 
     Args:
         one: The run, whose folder this process holds.
-        prepared: All that it begins with.
+        crowd: Its crowd.
         origin: What it is made from.
         plan: Names of all files that it writes.
         seed: Writes the take and checkpoint that a run begins with that goes on.
@@ -191,7 +191,7 @@ def write_run(
     one.clock.lap("prepare")
     try:
         with under_way():
-            _write(one, prepared, origin, begun, stage)
+            _write(one, crowd, origin, begun, stage)
     except OSError as error:
         raise RunError(
             f"{error.filename or one.folder}: cannot be read or written: {error.strerror or error}"
@@ -212,8 +212,9 @@ def _find_begun(one: Run, origin: Origin) -> Checkpoint | None:
     return begun
 
 
-def _prepare(one: Run) -> Prepared:
-    """Return all that a run of a checked scenario begins with; its policies are found or trained."""
+def _draw(one: Run) -> Crowd:
+    """Return the crowd of a checked scenario; its policies are found or trained once its avatars are placed."""
+    from crowdsim.crowd.draw import draw_crowd
     from crowdsim.crowd.placement import place_groups
 
     scenario = one.scenario
@@ -226,17 +227,17 @@ def _prepare(one: Run) -> Prepared:
         warnings = policy_warnings(scenario, {policy.name: policy.statistics for policy in policies})
         for warning in scenario.place(warnings):
             one.notify(str(warning))
-    return prepare(scenario, policies, placed)
+    return draw_crowd(scenario, policies, placed)
 
 
-def plan_run(one: Run, prepared: Prepared) -> Plan:
+def plan_run(one: Run, crowd: Crowd) -> Plan:
     """Return the names of all files that a run writes.
 
     Raises:
         ScenarioError: An output has the name of a file that the scenario reads, or there are too many files.
     """
     scenario = one.scenario
-    plan = plan_outputs(scenario, prepared.cast.names.tolist(), prepared.frames, prepared.rate)
+    plan = plan_outputs(scenario, crowd.cast.names.tolist(), crowd.frames, crowd.rate)
     count = sum(plan.counts().values())
     if count > MOST_FILES:
         raise ScenarioError(f"{scenario.name}: outputs are {count:,} files, expected at most {MOST_FILES:,}")
@@ -253,14 +254,14 @@ def _inputs(scenario: Scenario) -> list[str]:
     return [RESOLVED, *(PurePosixPath(name).as_posix() for name in scenario.files)]
 
 
-def _write(one: Run, prepared: Prepared, origin: Origin, begun: Checkpoint | None, stage: Stage) -> None:
+def _write(one: Run, crowd: Crowd, origin: Origin, begun: Checkpoint | None, stage: Stage) -> None:
     """Write everything into the stage of a run, or what is missing there, and put it in its place."""
     work, scenario, report = one.work, one.scenario, one.report
     write_plain(work, RESOLVED, origin.scenario)
     for name in scenario.files:
         copy_plain(scenario.folder / name, work, PurePosixPath(name).as_posix())
-    take, timings = _write_take(one, prepared, origin, begun)
-    files = write_outputs(one, take, prepared.policies)
+    take, timings = _write_take(one, crowd, origin, begun)
+    files = write_outputs(one, take, crowd.policies)
     profiled: list[str] = []
     if timings is not None and scenario.outputs.profile is not None:
         from crowdsim.crowd.profile_files import write_profile
@@ -280,18 +281,18 @@ def _write(one: Run, prepared: Prepared, origin: Origin, begun: Checkpoint | Non
     names += [CHECKPOINT, *_inputs(scenario), *(f"{TAKE}/{name}" for name in walk(work / TAKE)), *profiled]
     hashes = checksums(work, names, one.threads)
     one.clock.lap("checksums")
-    stage.publish(_manifest(one, prepared, origin), hashes)
+    stage.publish(_manifest(one, crowd, origin), hashes)
     one.advance_outputs("checksums", 1, 1)
 
 
-def _write_take(one: Run, prepared: Prepared, origin: Origin, begun: Checkpoint | None) -> tuple[Take, Array | None]:
+def _write_take(one: Run, crowd: Crowd, origin: Origin, begun: Checkpoint | None) -> tuple[Take, Array | None]:
     """Simulate and write the take as it comes; return it, and what control cost where that is wanted."""
     from crowdsim.crowd.statistics import StatisticsCounter
     from crowdsim.runs.resuming import write_take
 
-    path, cast = one.work / TAKE, prepared.cast
-    counter = StatisticsCounter(prepared.policies, cast.policies, cast.widths, prepared.frames)
-    take, timings = write_take(one, prepared, origin.checksum, begun, counter)
+    path = one.work / TAKE
+    counter = StatisticsCounter(crowd.policies, crowd.cast.policies, crowd.cast.widths, crowd.frames)
+    take, timings = write_take(one, crowd, origin.checksum, begun, counter)
     size = sum(stat_plain(path, name).st_size for name in walk(path))
     one.report.outputs["take"] = (one.folder / TAKE, 1, size)
     one.report.statistics = counter.finish()
@@ -299,7 +300,7 @@ def _write_take(one: Run, prepared: Prepared, origin: Origin, begun: Checkpoint 
     return take, timings
 
 
-def _manifest(one: Run, prepared: Prepared, origin: Origin) -> dict[str, Any]:
+def _manifest(one: Run, crowd: Crowd, origin: Origin) -> dict[str, Any]:
     report = one.report
     report.seconds["total"] = one.clock.total()
     statistics = report.statistics
@@ -309,10 +310,10 @@ def _manifest(one: Run, prepared: Prepared, origin: Origin) -> dict[str, Any]:
         "seed": one.scenario.seed,
         "command": one.command,
         "threads": one.threads,
-        "avatars": len(prepared.cast.names),
-        "control_frames": report.statistics.control_frames if report.statistics else prepared.frames,
+        "avatars": crowd.count,
+        "control_frames": report.statistics.control_frames if report.statistics else crowd.frames,
         "outcome": report.outcome,
-        "policies": {policy.name: policy.fingerprint for policy in prepared.policies},
+        "policies": {policy.name: policy.fingerprint for policy in crowd.policies},
         "policy_folders": one.policy_folders,
         "inputs": _inputs(one.scenario),
         "origin": origin.document(),

@@ -113,9 +113,10 @@ def start_fights(
         defences=np.array([side.defence for side in both]),
         reactions=np.full(2, math.ceil(round(REACTION * rate, 6))),
         seed=seed,
+        policies=policies,
     )
     crowd = replace(crowd, hysteresis=np.zeros(2), most=np.full(2, MOST, np.int32))
-    return Simulation(crowd, policies, model=model)
+    return Simulation(crowd, model=model)
 
 
 def watch_fights(

@@ -8,8 +8,8 @@ import pytest
 from synthetic_policy import policy
 
 from crowdsim import assets
-from crowdsim.crowd.cast import cast_crowd, table_type_of
-from crowdsim.crowd.placement import place_groups
+from crowdsim.crowd.draw import draw_crowd
+from crowdsim.preparation.prepare import table_type_of
 from crowdsim.scenario.scenario import load_scenario
 
 SCENARIO = """\
@@ -27,13 +27,13 @@ events: [{event}]
 EVENT = "{{kind: weights, when: {{kind: frame, frame: 5}}, {}}}"
 
 
-def cast(tmp_path, recipe=None, result="", event=""):
-    """The crowd and the script of a scenario whose one type says this of itself."""
+def drawn(tmp_path, recipe=None, result="", event=""):
+    """The crowd of a scenario whose one type says this of itself."""
     path = tmp_path / "pair.yaml"
     path.write_text(SCENARIO.format(type=result, event=event))
     scenario = load_scenario(path)
     one = replace(policy(0, name="boxer"), recipe={} if recipe is None else {"weights": recipe})
-    return cast_crowd(scenario, place_groups(scenario), [one])
+    return draw_crowd(scenario, [one])
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def cast(tmp_path, recipe=None, result="", event=""):
     ],
 )
 def test_weights_default_to_zero_or_to_those_of_the_recipe_where_a_type_names_none(tmp_path, recipe, result, expected):
-    people, _ = cast(tmp_path, recipe, result)
+    people = drawn(tmp_path, recipe, result)
     np.testing.assert_array_equal(people.weights, [expected])
 
 
@@ -58,8 +58,8 @@ def test_an_event_leaves_weights_that_it_does_not_name_as_they_are(tmp_path):
         ("temperature: 0.5", [np.nan, np.nan]),
         ("behaviours: {approach: 0}, temperature: 0.5", [0.0, np.nan]),
     ):
-        _, script = cast(tmp_path, {"approach": 2.0}, ", behaviours: {approach: 1}", EVENT.format(event))
-        np.testing.assert_array_equal(script.changes[0].weights, [expected])
+        people = drawn(tmp_path, {"approach": 2.0}, ", behaviours: {approach: 1}", EVENT.format(event))
+        np.testing.assert_array_equal(people.changes[0].weights, [expected])
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_an_event_leaves_weights_that_it_does_not_name_as_they_are(tmp_path):
 )  # fmt: skip
 def test_tempo_sets_the_frames_of_recovery_after_a_strike(tmp_path, result, interval):
     assert policy(0).database.control_rate == 15.0
-    people, _ = cast(tmp_path, result=result)
+    people = drawn(tmp_path, result=result)
     np.testing.assert_array_equal(people.intervals, [interval])
 
 
@@ -88,14 +88,14 @@ def test_tempo_sets_the_frames_of_recovery_after_a_strike(tmp_path, result, inte
     ],
 )  # fmt: skip
 def test_a_type_makes_the_temperaments_of_its_avatars(tmp_path, result, expected):
-    people, _ = cast(tmp_path, result=result)
+    people = drawn(tmp_path, result=result)
     assert people.conditioned
     np.testing.assert_allclose(people.temperaments, [expected] * 2)
 
 
 @pytest.mark.parametrize("result", ["", ", tempo: 20", ", tempo: null", ", aggression: 1, range: 0"])
 def test_without_a_temperament_there_is_no_row_of_conditions(tmp_path, result):
-    people, _ = cast(tmp_path, result=result)
+    people = drawn(tmp_path, result=result)
     assert not people.conditioned
     assert people.temperaments.shape == (0, 3)
 

@@ -46,7 +46,7 @@ def brawl(chosen, weights, frames=150, **fields):
     """All choices of a brawl: actions, and opponents. Shape (2, frames, N)."""
     z, x = np.divmod(np.arange(16), 4)
     people = build_crowd(1.2 * x, 1.2 * z, x + 2.0 * z, weights=np.array([weights]), seed=3, **fields)
-    chunks = list(simulate(people, [chosen], frames))
+    chunks = list(simulate(replace(people, policies=[chosen]), frames))
     return np.stack([np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in ("action", "opponent")])
 
 

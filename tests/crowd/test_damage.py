@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.damage import GRAIN, LATELY, STRONGEST
 from crowdsim.crowd.kernels.interpolation import between
 from crowdsim.crowd.model import build_model
-from crowdsim.crowd.script import Change, End, Script
+from crowdsim.crowd.script import Change, End
 from crowdsim.crowd.simulate import simulate
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.triggers import Downs, HealthBelow, Landed, LandedOn
@@ -53,8 +54,8 @@ def falling(model, rows, directions, axes=None):
     )
 
 
-def run(people, frames=200, script=None, model=None, **other):
-    one = Simulation(people, POLICIES, script, model=model, **other)
+def run(people, frames=200, model=None, **other):
+    one = Simulation(replace(people, policies=POLICIES), model=model, **other)
     return one, whole([one.run(frames)])
 
 
@@ -72,7 +73,7 @@ def harm(one, events, k):
 
 
 def test_health_is_what_a_naive_count_of_strikes_leaves():
-    one = Simulation(fighters(), POLICIES)
+    one = Simulation(replace(fighters(), policies=POLICIES))
     health, hurt, since, downs = np.full(12, HEALTH), np.zeros(12), np.full(12, -np.inf), np.zeros(12)
     out = np.zeros(12, bool)
     for frame in range(250):
@@ -115,7 +116,7 @@ def test_whoever_is_out_leaves_where_its_policy_has_no_falls():
 
 @pytest.mark.parametrize("search", ["auto", "kd_tree", "scipy"])
 def test_nobody_fights_those_who_are_down(search):
-    one = Simulation(fighters(), POLICIES, model=with_falls(), search=search)
+    one = Simulation(replace(fighters(), policies=POLICIES), model=with_falls(), search=search)
     deepest = 0
     for _ in range(300):
         one.run(1)
@@ -135,7 +136,7 @@ def test_nobody_fights_those_who_are_down(search):
 
 def test_whoever_is_knocked_down_falls_lies_and_rises_where_the_blow_came_to():
     model = with_falls()
-    one = Simulation(fighters(), POLICIES, model=model)
+    one = Simulation(replace(fighters(), policies=POLICIES), model=model)
     seen = [[] for _ in range(12)]
     chosen = []
     for _ in range(400):
@@ -162,7 +163,8 @@ def test_whoever_is_knocked_down_falls_lies_and_rises_where_the_blow_came_to():
 def test_a_blow_makes_an_avatar_stagger_where_its_policy_has_staggers():
     model = falling(build_model(POLICIES), [[0, layout.STUMBLES, 5, 0]], [0.0])
     one = Simulation(
-        fighters(rules=rules() * np.where(np.arange(12) == layout.DOWN_FROM, 100.0, 1.0)), POLICIES, model=model
+        replace(fighters(rules=rules() * np.where(np.arange(12) == layout.DOWN_FROM, 100.0, 1.0)), policies=POLICIES),
+        model=model,
     )
     stumbled = 0
     for _ in range(200):
@@ -183,7 +185,7 @@ def stumbling(**thresholds):
     for column, value in thresholds.items():
         hurting[:, getattr(layout, column)] = value
     model = falling(build_model(POLICIES), rows, [0.0] * len(rows))
-    return Simulation(fighters(rules=hurting), POLICIES, model=model)
+    return Simulation(replace(fighters(rules=hurting), policies=POLICIES), model=model)
 
 
 def actions_in_turn(one, frames=300):
@@ -223,10 +225,10 @@ def test_who_is_knocked_down_in_a_stagger_falls_at_the_end_of_its_piece():
 def test_knock_downs_depend_on_neither_threads_nor_storage_nor_calls(falls, monkeypatch):
     people = fighters(20)
     model = with_falls() if falls else build_model(POLICIES)
-    script = Script(changes=(Change(Downs(2), who=np.arange(20) < 5, mode=layout.FLEES),), until=End("down", 6))
+    script = dict(changes=(Change(Downs(2), who=np.arange(20) < 5, mode=layout.FLEES),), until=End("down", 6))
 
     def result(order=None, **other):
-        one = Simulation(people, POLICIES, script, order=order, model=model, **other)
+        one = Simulation(replace(people, policies=POLICIES, **script), order=order, model=model, **other)
         return bytes_of([one.run(n) for n in (1, 40, 159)])
 
     expected = result()
@@ -239,9 +241,9 @@ def test_knock_downs_depend_on_neither_threads_nor_storage_nor_calls(falls, monk
 @pytest.mark.parametrize("stop", [30, 77])
 def test_a_fight_goes_on_from_its_state(stop, falls):
     model = with_falls() if falls else build_model(POLICIES)
-    script = Script(changes=(Change(HealthBelow(0, 30.0), who=np.arange(12) < 6, mode=layout.WATCHES, distance=2.0),),
-                    until=End("down", 4))  # fmt: skip
-    one, two, three = (Simulation(fighters(), POLICIES, script, model=model) for _ in range(3))
+    fearful = Change(HealthBelow(0, 30.0), who=np.arange(12) < 6, mode=layout.WATCHES, distance=2.0)
+    script = dict(changes=(fearful,), until=End("down", 4))
+    one, two, three = (Simulation(replace(fighters(), policies=POLICIES, **script), model=model) for _ in range(3))
     one.run(stop)
     rest = one.run(200 - stop)
     two.run(stop)
@@ -256,7 +258,7 @@ def test_a_run_goes_on_for_a_while_when_its_end_has_come(lingers):
     frail = rules()
     frail[:, layout.FULL_HEALTH] = 10.0
     people = fighters(6, team=np.arange(6) % 2, rules=frail, skip=np.full(6, -1), spacing=0.5, seed=4)
-    one = Simulation(people, POLICIES, Script(until=End("down", 2, lingers)))
+    one = Simulation(replace(people, policies=POLICIES, until=End("down", 2, lingers)))
     record, _ = whole([one.run(3000)])
     assert one.outcome is not None
     assert one.is_over
@@ -270,7 +272,7 @@ def test_a_run_ends_when_its_end_has_come(kind):
     frail[:, layout.FULL_HEALTH] = 10.0
     people = fighters(6, team=np.arange(6) % 2, rules=frail, skip=np.full(6, -1), spacing=0.5, seed=4)
     count = {"down": 2, "landed": 10}.get(kind, 0)
-    one = Simulation(people, POLICIES, Script(until=End(kind, count)))
+    one = Simulation(replace(people, policies=POLICIES, until=End(kind, count)))
     record, events = whole([one.run(3000)])
     ended = one.outcome
     assert ended is not None
@@ -280,7 +282,7 @@ def test_a_run_ends_when_its_end_has_come(kind):
     if kind == "last_standing":
         assert len(ended.standing) <= 1 < (record["action"][ended.frame - 1] >= 0).sum()
     if kind == "last_team":
-        assert len(np.unique(people.team[ended.standing])) <= 1
+        assert len(np.unique(people.cast.teams[ended.standing])) <= 1
     if kind == "down":
         assert len(ended.standing) <= 4
     if kind == "landed":
@@ -294,7 +296,7 @@ def test_changes_wait_for_blows_and_knock_downs():
     group = np.arange(12) % 2
     nobody = {"who": np.ones(12, bool), "skip": np.full(12, -2), "fixed": np.full(12, -1)}
     for trigger in (LandedOn(1, 4), Downs(2, 0), HealthBelow(1, 45.0), Landed(5)):
-        one = Simulation(fighters(group=group), POLICIES, Script(changes=(Change(trigger, **nobody),)))
+        one = Simulation(replace(fighters(group=group), policies=POLICIES, changes=(Change(trigger, **nobody),)))
         progress = one._agenda.progress
         for _ in range(300):
             one.run(1)
@@ -311,7 +313,7 @@ def test_no_more_attack_one_opponent_than_may():
     given = rules(attackers=2)
     given[:, layout.FULL_HEALTH] = 0.0
     people = fighters(9, rules=given, skip=skip, fixed=fixed, crowding=Crowding(reach=3.0, most=24))
-    one = Simulation(people, POLICIES)
+    one = Simulation(replace(people, policies=POLICIES))
     one.run(30)
     for _ in range(60):
         one.run(1)
@@ -323,12 +325,12 @@ def test_no_more_attack_one_opponent_than_may():
 def test_the_exhausted_strike_less():
     def thrown(tires):
         people = fighters(12, interval=3.0, rules=rules(tires=tires) * np.where(np.arange(12) == 0, 0.0, 1.0))
-        _, events = whole(simulate(people, POLICIES, 300))
+        _, events = whole(simulate(replace(people, policies=POLICIES), 300))
         return len(events["frame"])
 
     assert thrown((0.5, 0.0, 0.0)) < 0.85 * thrown((0.0, 0.0, 0.0))
 
 
 def test_a_crowd_that_nothing_hurts_has_no_conditions():
-    one = Simulation(crowd(), [*POLICIES, policy(1, "q", frames=50, stride=2, name="two")])
+    one = Simulation(replace(crowd(), policies=[*POLICIES, policy(1, "q", frames=50, stride=2, name="two")]))
     assert one.avatars.conditions.shape == (0, layout.CONDITIONS)

@@ -14,7 +14,7 @@ from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.layout import Now, Observed
 from crowdsim.crowd.kernels.terms.defence import see_threat
 from crowdsim.crowd.model import build_model
-from crowdsim.crowd.script import Change, Script
+from crowdsim.crowd.script import Change
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.triggers import AtFrame
 from crowdsim.policy.defence import join_defences
@@ -59,12 +59,12 @@ def test_defence_is_that_of_the_naive_twin(reaction, team, monkeypatch):
 
     monkeypatch.setattr(naive_defence, "sees", noted)
     naive = naive_crowd.run(people, POLICIES, 60)
-    record = Simulation(people, POLICIES).run(60)
+    record = Simulation(replace(people, policies=POLICIES)).run(60)
     assert np.array_equal(record.action, naive.action)
     assert np.array_equal(record.opponent, naive.opponent)
     assert sum(seen) > 5
     assert len(seen) - sum(seen) > 5
-    plain = Simulation(replace(people, defences=np.zeros(1)), POLICIES).run(60)
+    plain = Simulation(replace(people, defences=np.zeros(1), policies=POLICIES)).run(60)
     assert not np.array_equal(plain.action, record.action)
 
 
@@ -108,7 +108,7 @@ def same(threat, other):
 
 def test_nothing_decided_within_the_reaction_time_is_reacted_to():
     reaction, compared, differed = 3, 0, 0
-    one = Simulation(crowd(count=12, speed=1.0, policy=0), POLICIES)
+    one = Simulation(replace(crowd(count=12, speed=1.0, policy=0), policies=POLICIES))
     one.run(20)
     for _ in range(40):
         one.run(1)
@@ -135,7 +135,7 @@ def test_nothing_decided_within_the_reaction_time_is_reacted_to():
 
 
 def test_what_was_decided_long_enough_ago_is_seen_where_and_when_it_lands():
-    one, found = Simulation(crowd(count=12, speed=1.0, scale=1.0, policy=0), POLICIES), 0
+    one, found = Simulation(replace(crowd(count=12, speed=1.0, scale=1.0, policy=0), policies=POLICIES)), 0
     expected = []
     for _ in range(60):
         chunk = one.run(1)
@@ -166,16 +166,19 @@ def test_a_policy_without_defence_among_others_costs_nothing():
 def test_an_event_changes_how_much_avatars_defend_themselves():
     people = crowd(weight=0.0)
     change = Change(AtFrame(20), defences=np.array([1.0]))
-    plain, changed = Simulation(people, POLICIES).run(60), Simulation(people, POLICIES, Script((), (change,))).run(60)
+    plain, changed = (
+        Simulation(replace(people, policies=POLICIES)).run(60),
+        Simulation(replace(people, policies=POLICIES, targets=(), changes=(change,))).run(60),
+    )
     assert np.array_equal(plain.action[:20], changed.action[:20])
     assert not np.array_equal(plain.action, changed.action)
 
 
 def test_threads_order_and_chunks_give_the_same_bytes():
     people = crowd(count=40)
-    whole = Simulation(people, POLICIES).run(60)
+    whole = Simulation(replace(people, policies=POLICIES)).run(60)
     order = np.random.default_rng(3).permutation(40)
-    parts = Simulation(people, POLICIES, search="kd_tree", threads=2, order=order)
+    parts = Simulation(replace(people, policies=POLICIES), search="kd_tree", threads=2, order=order)
     chunks = [parts.run(25), parts.run(35)]
     for name in ("action", "x", "z", "heading", "opponent"):
         joined = np.concatenate([getattr(chunk, name) for chunk in chunks])

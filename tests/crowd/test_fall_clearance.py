@@ -1,5 +1,7 @@
 """Room where bodies fall: how much of it lacks beside bodies and soles, against slow and plain versions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from falling import falling_policy
@@ -35,7 +37,7 @@ def body_gap(policy, down, lies, size, its_down, body, its_size):
 def test_room_that_lacks_matches_naive(seed: int) -> None:
     policy, rng = falling_policy(), np.random.default_rng(seed)
     database, model = policy.database, build_model([policy])
-    avatars = Simulation(fighters(3, seed=seed), [policy], model=model).avatars
+    avatars = Simulation(replace(fighters(3, seed=seed), policies=[policy]), model=model).avatars
     real, (own, lying, standing) = avatars.real, (int(avatars.slot_of[number]) for number in range(3))
     falls = np.flatnonzero(model.falls[:, layout.FALL_KIND] == layout.FALLS)
     row, fall = (int(one) for one in rng.choice(falls, 2))
@@ -79,7 +81,7 @@ def test_two_who_fall_at_once_leave_each_other_room(direction: float) -> None:
     axes = np.zeros((6, 8))
     axes[:3, 1], axes[3:, 1] = 1.0, -1.0  # the first fall leads a metre ahead, the second as far behind
     model = with_falls()._replace(fall_axes=axes)
-    avatars = Simulation(fighters(2), POLICIES, model=model).avatars
+    avatars = Simulation(replace(fighters(2), policies=POLICIES), model=model).avatars
     real, (own, other) = avatars.real, (int(avatars.slot_of[number]) for number in (0, 1))
     heading = real[layout.HEADING, own]
     ahead = np.array([np.sin(heading), np.cos(heading)])

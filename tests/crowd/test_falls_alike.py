@@ -1,5 +1,7 @@
 """Of falls that lead the same way, avatars fall by the one that begins most like what they do."""
 
+from dataclasses import replace
+
 import numpy as np
 from falling import falling_policy
 from test_damage import fighters, rules
@@ -17,7 +19,7 @@ NO_NEIGHBOURS = Observed(np.array([0], np.int32), np.array([0], np.int32), np.ze
 def fighting(frames: int = 20) -> Simulation:
     """A dozen boxers in the middle of a fight, who may be knocked down."""
     policy = falling_policy()
-    one = Simulation(fighters(rules=rules()), [policy], model=build_model([policy]))
+    one = Simulation(replace(fighters(rules=rules()), policies=[policy]), model=build_model([policy]))
     one.run(frames)
     return one
 

@@ -1,5 +1,7 @@
 """Avatars that have a stance stagger and get up in it, where motion that leads the same way allows it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from test_damage import falling, fighters, rules
@@ -31,7 +33,7 @@ def chosen_actions(kind, actions, directions, stances):
         hurting[:, layout.DOWN_FROM] = 1000.0
     hurting[:, layout.FULL_HEALTH] = 1e6
     hurting[:, layout.MOST_DOWNS] = 1e6
-    one = Simulation(fighters(rules=hurting, stances=stances, interval=0.0), [BOTH], model=model)
+    one = Simulation(replace(fighters(rules=hurting, stances=stances, interval=0.0), policies=[BOTH]), model=model)
     found = {int(stance): set() for stance in np.unique(stances)}
     begun = layout.STAGGERS if kind == layout.STUMBLES else layout.LYING
     for _ in range(300):

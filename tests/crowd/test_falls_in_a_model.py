@@ -74,7 +74,7 @@ def test_nobody_falls_who_is_not_knocked_down(count: int) -> None:
     """A crowd does the same whether its policies have falls or not."""
     records = []
     for policy in (falling_policy(), without_falls()):
-        chunks = list(simulate(crowd(count), [policy] * count, 120))
+        chunks = list(simulate(replace(crowd(count), policies=[policy] * count), 120))
         records.append([np.concatenate([getattr(chunk, name) for chunk in chunks]) for name in ("action", "x", "z")])
     for one, other in zip(*records, strict=True):
         np.testing.assert_array_equal(one, other)

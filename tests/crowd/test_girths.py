@@ -1,5 +1,7 @@
 """Girth: thickness of trunk and limbs, which changes what strikes hit, and how far bodies keep apart."""
 
+from dataclasses import replace
+
 import naive_crowd
 import numpy as np
 import pytest
@@ -32,7 +34,7 @@ def test_what_bodies_of_all_girths_do_is_what_the_naive_twin_says(seed):
         scale=np.linspace(0.9, 1.1, 6),
         girth=drawn(6, seed),
     )
-    [chunk] = simulate(people, [EAGER], 150)
+    [chunk] = simulate(replace(people, policies=[EAGER]), 150)
     naive = naive_crowd.run(people, [EAGER], 150)
     np.testing.assert_array_equal(chunk.action, naive.action)
     assert len(chunk.events.frame) == len(naive.strikes) > 10
@@ -43,27 +45,31 @@ def test_what_bodies_of_all_girths_do_is_what_the_naive_twin_says(seed):
 
 
 def test_bodies_of_the_usual_girth_are_those_of_before():
-    assert bytes_of(simulate(crowd(girth=1.0), POLICIES, 100)) == bytes_of(simulate(crowd(), POLICIES, 100))
-    assert bytes_of(simulate(crowd(girth=drawn(12)), POLICIES, 100)) != bytes_of(simulate(crowd(), POLICIES, 100))
+    assert bytes_of(simulate(replace(crowd(girth=1.0), policies=POLICIES), 100)) == bytes_of(
+        simulate(replace(crowd(), policies=POLICIES), 100)
+    )
+    assert bytes_of(simulate(replace(crowd(girth=drawn(12)), policies=POLICIES), 100)) != bytes_of(
+        simulate(replace(crowd(), policies=POLICIES), 100)
+    )
 
 
 def test_more_strikes_hit_thicker_bodies():
     x, z, heading = np.random.default_rng(0).uniform(0, 6, (3, 40))
     landed = []
     for girth in (0.85, 1.0, 1.25):
-        _, events = whole(simulate(build_crowd(x, z, heading, seed=1, girth=girth), [EAGER], 600))
+        _, events = whole(simulate(replace(build_crowd(x, z, heading, seed=1, girth=girth), policies=[EAGER]), 600))
         landed.append(np.mean(events["landed"]))
     assert landed[0] < landed[2]
 
 
 def test_a_simulation_with_girths_goes_on_from_its_state_and_refuses_those_of_others():
     people = crowd(girth=drawn(12))
-    expected = bytes_of([Simulation(people, POLICIES).run(80)])
-    first, second = Simulation(people, POLICIES), Simulation(people, POLICIES)
+    expected = bytes_of([Simulation(replace(people, policies=POLICIES)).run(80)])
+    first, second = Simulation(replace(people, policies=POLICIES)), Simulation(replace(people, policies=POLICIES))
     begun = first.run(33)
     state = first.state()
     second.restore(state)
     assert bytes_of([begun, second.run(47)]) == expected
     state["avatars.real"][layout.WIDTH, 3] *= 1.1
     with pytest.raises(ValueError, match="holds other avatars than those of the run"):
-        Simulation(people, POLICIES).restore(state)
+        Simulation(replace(people, policies=POLICIES)).restore(state)

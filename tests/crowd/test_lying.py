@@ -1,5 +1,7 @@
 """Where bodies lie: the axis from head to feet, how near it is to others, and which fall has room."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from falling import falling_policy
@@ -61,7 +63,7 @@ def test_ground_transforms_rest_while_a_body_lies() -> None:
 
 def placed_beside(model, direction: float) -> tuple[Simulation, int]:
     """Two avatars, of which the second lies beside the first, in a direction from it."""
-    one = Simulation(fighters(2), POLICIES, model=model)
+    one = Simulation(replace(fighters(2), policies=POLICIES), model=model)
     first, second = (int(one.avatars.slot_of[number]) for number in (0, 1))
     real = one.avatars.real
     turn = real[layout.HEADING, first] + direction

@@ -17,7 +17,7 @@ from crowdsim.crowd.kernels.layout import BLOCKED, EVADED, LANDED, MISSED, Now
 from crowdsim.crowd.kernels.outcomes import Strike, judge
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.model_arms import arm_rows, way_rows
-from crowdsim.crowd.script import CirclePath, Script
+from crowdsim.crowd.script import CirclePath
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.motion import ground
 from crowdsim.motion.strikes import LIMBS
@@ -156,19 +156,21 @@ def test_ways_begin_no_earlier_than_their_clip():
 
 def test_a_crowd_sees_all_outcomes_and_targets_do_not_block():
     people = build_crowd(np.arange(12) % 4 * 0.8, np.arange(12) // 4 * 0.8, np.arange(12.0), seed=3)
-    events = Simulation(people, [POLICY]).run(300).events
+    events = Simulation(replace(people, policies=[POLICY])).run(300).events
     counts = np.bincount(events.outcome, minlength=len(OUTCOMES))
     assert (counts > 5).all(), dict(zip(OUTCOMES, counts, strict=True))
     assert np.array_equal(events.landed, events.outcome == LANDED)
     people = build_crowd(np.arange(6.0), np.zeros(6), skip=np.full(6, -2), fixed=np.full(6, -2))
-    events = Simulation(people, [POLICY], Script((CirclePath(2.0, 1.0, (1.0, 1.0), 1.5),))).run(300).events
+    events = (
+        Simulation(replace(people, policies=[POLICY], targets=(CirclePath(2.0, 1.0, (1.0, 1.0), 1.5),))).run(300).events
+    )
     assert set(np.unique(events.outcome)) <= {MISSED, LANDED, EVADED}
 
 
 def test_the_outcome_does_not_depend_on_storage_or_stages():
     people = build_crowd(np.arange(12) % 4 * 0.8, np.arange(12) // 4 * 0.8, np.arange(12.0), seed=3)
     runs = [
-        Simulation(people, [POLICY], search=search, order=order).run(120).events
+        Simulation(replace(people, policies=[POLICY]), search=search, order=order).run(120).events
         for search, order in (("auto", None), ("kd_tree", None), ("auto", np.arange(12)[::-1]))
     ]
     assert runs[0].outcome.tobytes() == runs[1].outcome.tobytes() == runs[2].outcome.tobytes()

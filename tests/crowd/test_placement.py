@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import naive_placement as naive
 import numpy as np
@@ -11,8 +12,8 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from crowdsim import assets
-from crowdsim.crowd.distributions import draw_temperaments
-from crowdsim.crowd.placement import place_groups
+from crowdsim.crowd.distributions import draw_numbers, draw_types, temperaments_of
+from crowdsim.crowd.placement import groups_of_avatars, place_groups, teams_of_avatars
 from crowdsim.errors import ScenarioError
 from crowdsim.scenario.scenario import Scenario, load_scenario, resolve_scenario
 
@@ -27,7 +28,20 @@ def scenario_of(*groups, folder=".", seed=1, types=None, **more):
 
 
 def placed(*groups, **more):
-    return place_groups(scenario_of(*groups, **more))
+    x, z, heading = place_groups(scenario_of(*groups, **more))
+    return SimpleNamespace(x=x, z=z, heading=heading, count=len(x))
+
+
+def drawn(*groups, **more):
+    scenario = scenario_of(*groups, **more)
+    types = draw_types(scenario)
+    return SimpleNamespace(type=types, **{key: draw_numbers(scenario, types, key) for key in ("scale", "speed")})
+
+
+def tempered(scenario, types):
+    return temperaments_of(
+        scenario, types, *(draw_numbers(scenario, types, key) for key in ("tempo", "aggression", "range"))
+    )
 
 
 def refused(*groups, **more) -> str:
@@ -98,7 +112,11 @@ def test_the_seed_decides_and_nothing_else():
     types = {"a": {"scale": {"kind": "normal", "deviation": 0.1}}, "b": {"speed": {"kind": "uniform", "minimum": 0.9,
              "maximum": 1.1}}}  # fmt: skip
     first, again, other = (placed(*groups, types=types, seed=seed) for seed in (5, 5, 6))
-    for key in ("x", "z", "heading", "type", "scale", "speed"):
+    for key in ("x", "z", "heading"):
+        assert getattr(first, key).tobytes() == getattr(again, key).tobytes()
+        assert getattr(first, key).tobytes() != getattr(other, key).tobytes()
+    first, again, other = (drawn(*groups, types=types, seed=seed) for seed in (5, 5, 6))
+    for key in ("type", "scale", "speed"):
         assert getattr(first, key).tobytes() == getattr(again, key).tobytes()
         assert getattr(first, key).tobytes() != getattr(other, key).tobytes()
 
@@ -260,8 +278,7 @@ def test_mixes_and_distributions_are_drawn_as_they_say():
         "b": {"scale": {"kind": "uniform", "minimum": 0.9, "maximum": 1.0}},
         "c": {},
     }
-    result = placed({"count": 20_000, "mix": {"c": 0, "b": 3, "a": 1}, "placement": disc(300.0)}, types=types)
-    assert result.types == ("a", "b", "c")
+    result = drawn({"count": 20_000, "mix": {"c": 0, "b": 3, "a": 1}, "placement": disc(300.0)}, types=types)
     a, b = result.type == 0, result.type == 1
     assert (a | b).all()
     assert abs(a.mean() - 0.25) < 0.01
@@ -281,7 +298,7 @@ def test_temperaments_are_drawn_for_each_avatar_from_its_type():
     }  # fmt: skip
     kinds = np.arange(20_000) % 2
     groups = ({"count": 20, "mix": {"a": 1, "b": 1}, "placement": disc(30.0)},)
-    drawn = draw_temperaments(scenario_of(*groups, types=types), kinds)
+    drawn = tempered(scenario_of(*groups, types=types), kinds)
     a, b = drawn[kinds == 0], drawn[kinds == 1]
     tempo = 60.0 / a[:, 0]
     assert (tempo.min(), tempo.max()) == pytest.approx((30.0, 90.0), abs=0.1)
@@ -292,8 +309,8 @@ def test_temperaments_are_drawn_for_each_avatar_from_its_type():
     assert np.mean(2.0 ** b[:, 1]) == pytest.approx(1.25, abs=0.02)
     assert (b[:, 2].mean(), b[:, 2].min(), b[:, 2].max()) == pytest.approx((0.1, -0.1, 0.3), abs=0.005)
     assert abs(np.corrcoef(b[:, 1], b[:, 2])[0, 1]) < 0.03
-    assert draw_temperaments(scenario_of(*groups, types=types), kinds[:50]).tobytes() == drawn[:50].tobytes()
-    other = draw_temperaments(scenario_of(*groups, types=types, seed=6), kinds)
+    assert tempered(scenario_of(*groups, types=types), kinds[:50]).tobytes() == drawn[:50].tobytes()
+    other = tempered(scenario_of(*groups, types=types, seed=6), kinds)
     assert not (other[kinds == 0, 0] == a[:, 0]).any()
 
 
@@ -301,8 +318,8 @@ def test_groups_teams_and_waiting_avatars_keep_their_order():
     events = [{"kind": "add", "group": "g1", "when": {"kind": "frame", "frame": 3}}]
     groups = [{"count": 2, "team": "x", "placement": {"kind": "grid", "centre": [9 * i, 0]}} for i in range(3)]
     groups[1] |= {"waits": True, "team": "y"}
-    result = placed(*groups, events=events)
-    np.testing.assert_array_equal(result.group, [0, 0, 1, 1, 2, 2])
-    np.testing.assert_array_equal(result.team, [0, 0, 1, 1, 0, 0])
-    np.testing.assert_array_equal(result.present, [True, True, False, False, True, True])
-    assert (result.groups, result.teams) == (("g0", "g1", "g2"), ("x", "y"))
+    scenario = scenario_of(*groups, events=events)
+    np.testing.assert_array_equal(groups_of_avatars(scenario), [0, 0, 1, 1, 2, 2])
+    np.testing.assert_array_equal(teams_of_avatars(scenario), [0, 0, 1, 1, 0, 0])
+    assert [group.name for group in scenario.groups] == ["g0", "g1", "g2"]
+    assert scenario.teams == ("x", "y")

@@ -1,5 +1,7 @@
 """What profiles are made of beside the simulation's own clock."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic_policy import policy
@@ -20,7 +22,7 @@ def test_limits_of_the_machine_are_times_of_memory():
 @pytest.mark.parametrize(("search", "expected"), [("auto", "direct"), ("kd_tree", "kd_tree"), ("scipy", "scipy")])
 def test_a_profile_reports_which_search_ran(search, expected):
     people = build_crowd(np.arange(12.0), np.zeros(12))
-    found = profile_crowd(people, [policy(0)], 3, search=search)
+    found = profile_crowd(replace(people, policies=[policy(0)]), 3, search=search)
     assert profiling.describe(found)["search"] == expected
     assert profile_table(found).splitlines()[0].endswith(f", threads: 1, search: {expected}")
 

@@ -1,6 +1,7 @@
 """Avatars stand at ease when they are told to, and where nobody is left to fight."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from crowdsim.crowd.kernels.intents import FIGHTING, NEARLY, see_by_intent
 from crowdsim.crowd.kernels.resting import NO_WAY
 from crowdsim.crowd.model import build_model, entry_actions
 from crowdsim.crowd.resting import actions_until, rest_rows
-from crowdsim.crowd.script import Change, Script
+from crowdsim.crowd.script import Change
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.triggers import AtFrame
 
@@ -31,7 +32,7 @@ def people(count=2, **other):
 def modes(count, *given, distance=2.0):
     """A script in which all avatars get modes at frames."""
     who = np.ones(count, bool)
-    return Script(changes=tuple(Change(AtFrame(f), who=who, mode=mode, distance=distance) for f, mode in given))
+    return dict(changes=tuple(Change(AtFrame(f), who=who, mode=mode, distance=distance) for f, mode in given))
 
 
 def kinds(action):
@@ -85,7 +86,9 @@ def test_actions_until_a_rest_match_a_search_state_by_state():
 
 
 def test_avatars_go_to_their_distance_stand_at_ease_and_fight_again():
-    one = Simulation(people(), [resting_policy()], modes(2, (60, layout.RESTS), (360, layout.FIGHTS)))
+    one = Simulation(
+        replace(people(), policies=[resting_policy()], **modes(2, (60, layout.RESTS), (360, layout.FIGHTS)))
+    )
     chunk = one.run(480)
     found = kinds(chunk.action)
     assert not found[:60].any()
@@ -106,7 +109,7 @@ def test_avatars_go_to_their_distance_stand_at_ease_and_fight_again():
 @pytest.mark.parametrize("apart", [1.0, 1.6, 2.4])
 def test_an_avatar_that_turns_round_to_rest_sees_its_opponent_no_nearer_than_in_a_fight(apart):
     crowd = build_crowd([0.0, apart], [0.0, 0.0], [-np.pi / 2, 0.0], conditioned=True, rules=0.0 * RULES)
-    one = Simulation(crowd, [resting_policy()])
+    one = Simulation(replace(crowd, policies=[resting_policy()]))
     row = one.avatars.conditions[0]
     row[layout.MODE], row[layout.DOES], row[layout.KEEPS] = layout.RESTS, layout.WATCHES, 2.0
     own = one.avatars.slot_of[0]
@@ -118,7 +121,7 @@ def test_an_avatar_that_turns_round_to_rest_sees_its_opponent_no_nearer_than_in_
 
 
 def test_rests_follow_the_rows_of_the_model_one_after_another():
-    one = Simulation(people(spacing=3.0), [resting_policy()], modes(2, (0, layout.RESTS)))
+    one = Simulation(replace(people(spacing=3.0), policies=[resting_policy()], **modes(2, (0, layout.RESTS))))
     rests = resting_policy().rests
     piece, before = np.zeros(2, int), np.full(2, -1)
     for _ in range(400):
@@ -137,13 +140,13 @@ def test_rests_follow_the_rows_of_the_model_one_after_another():
 
 def test_an_avatar_whose_opponent_has_left_stands_at_ease():
     gone = Change(AtFrame(40), who=np.array([False, True]), present=False)
-    chunk = Simulation(people(), [resting_policy()], Script(changes=(gone,))).run(240)
+    chunk = Simulation(replace(people(), policies=[resting_policy()], changes=(gone,))).run(240)
     assert not kinds(chunk.action[:40]).any()
     assert (kinds(chunk.action[200:, 0]) == HOLD).all()
 
 
 def test_an_avatar_waits_in_its_guard_for_one_that_will_get_up_again():
-    one = Simulation(people(), [resting_policy()])
+    one = Simulation(replace(people(), policies=[resting_policy()]))
     one.run(20)
     row, slot = one.avatars.conditions[1], one.avatars.slot_of[1]
     for rises, kind in ((1e6, 0), (math.inf, HOLD)):
@@ -154,7 +157,7 @@ def test_an_avatar_waits_in_its_guard_for_one_that_will_get_up_again():
 
 
 def test_a_knock_down_ends_a_rest():
-    one = Simulation(people(rules=RULES), [resting_policy()], modes(2, (0, layout.RESTS)))
+    one = Simulation(replace(people(rules=RULES), policies=[resting_policy()], **modes(2, (0, layout.RESTS))))
     one.run(240)
     assert (one.avatars.conditions[:, layout.PIECE] > 0.0).all()
     one.avatars.conditions[0, layout.STANDING] = layout.DROPS
@@ -171,21 +174,25 @@ def bytes_of(chunk):
 def test_rests_have_the_same_bytes_for_any_threads_and_after_a_resume():
     count = 12
     script = modes(count, (30, layout.RESTS), (200, layout.FIGHTS))
-    small = Simulation(people(count, rules=RULES), [resting_policy()], script).run(260)
+    small = Simulation(replace(people(count, rules=RULES), policies=[resting_policy()], **script)).run(260)
     assert kinds(small.action).any(axis=0).sum() > count // 2
     for threads in (1, 2):
-        staged = Simulation(people(count, rules=RULES), [resting_policy()], script, threads=threads, search="kd_tree")
+        staged = Simulation(
+            replace(people(count, rules=RULES), policies=[resting_policy()], **script),
+            threads=threads,
+            search="kd_tree",
+        )
         assert bytes_of(staged.run(260)) == bytes_of(small)
         staged.close()
-    first = Simulation(people(count, rules=RULES), [resting_policy()], script)
+    first = Simulation(replace(people(count, rules=RULES), policies=[resting_policy()], **script))
     first.run(150)
-    again = Simulation(people(count, rules=RULES), [resting_policy()], script)
+    again = Simulation(replace(people(count, rules=RULES), policies=[resting_policy()], **script))
     again.restore(first.state())
     assert bytes_of(first.run(110)) == bytes_of(again.run(110))
 
 
 def test_a_piece_that_no_rest_has_is_refused():
-    one = Simulation(people(), [resting_policy()])
+    one = Simulation(replace(people(), policies=[resting_policy()]))
     state = one.state()
     state["avatars.conditions"] = state["avatars.conditions"].copy()
     state["avatars.conditions"][0, layout.PIECE] = len(one.model.rests) + 1.0
@@ -196,6 +203,6 @@ def test_a_piece_that_no_rest_has_is_refused():
 def test_without_rests_nothing_of_a_fight_changes():
     # The restless policy decides by the same tables; what is told to rest keeps its distance in its guard.
     script = modes(2, (30, layout.RESTS))
-    chunk = Simulation(people(), [restless_policy()], script).run(200)
+    chunk = Simulation(replace(people(), policies=[restless_policy()], **script)).run(200)
     count = restless_policy().graph.choice_count
     assert (chunk.action < count).all()

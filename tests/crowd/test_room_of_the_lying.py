@@ -1,5 +1,7 @@
 """Bodies that are down are left room: by soles, by those who stagger, and by those who fall beside them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from falling import falling_policy
@@ -41,7 +43,7 @@ def test_what_it_costs_to_tread_on_a_body_matches_naive(seed: int) -> None:
     capsules = rng.uniform(-0.5, 0.5, (len(model.falls), 2, 8))
     capsules[..., 6:] = 0.1, 1.0  # radius, and a sphere around it that holds any of these
     model = model._replace(fall_capsules=capsules)
-    avatars = Simulation(fighters(3, seed=seed), POLICIES, model=model).avatars
+    avatars = Simulation(replace(fighters(3, seed=seed), policies=POLICIES), model=model).avatars
     own, size = 1, avatars.real[layout.SCALE, 1]
     near, work = np.zeros((1, 10)), np.zeros((7, 64))
     near[0] = [
@@ -105,7 +107,7 @@ def test_a_body_slides_away_from_one_that_lies_where_it_falls(direction: float) 
 
 
 def test_a_body_slides_smoothly_over_the_action_in_which_it_falls() -> None:
-    one, other = (Simulation(fighters(4), POLICIES, model=with_falls()) for _ in range(2))
+    one, other = (Simulation(replace(fighters(4), policies=POLICIES), model=with_falls()) for _ in range(2))
     for simulation in (one, other):
         simulation.run(1)
     slot, action = 2, int(one.avatars.whole[layout.ACTION, 2])
@@ -123,7 +125,7 @@ def test_a_body_slides_smoothly_over_the_action_in_which_it_falls() -> None:
 
 def test_a_body_that_slides_is_seen_where_it_will_lie() -> None:
     policy = falling_policy()
-    one = Simulation(fighters(12, spacing=0.5), [policy], model=build_model([policy]))
+    one = Simulation(replace(fighters(12, spacing=0.5), policies=[policy]), model=build_model([policy]))
     avatars, number = one.avatars, one.avatars.number
     place, slid = {}, 0.0
     for _ in range(400):
@@ -139,7 +141,7 @@ def test_a_body_that_slides_is_seen_where_it_will_lie() -> None:
 
 def test_who_left_while_it_slid_does_not_slide_when_it_enters_again() -> None:
     crowd, model = fighters(3), with_falls()
-    avatars = Simulation(crowd, POLICIES, model=model).avatars
+    avatars = Simulation(replace(crowd, policies=POLICIES), model=model).avatars
     avatars.real[[layout.SLIDE_X, layout.SLIDE_Z]] = 0.3
     enter(avatars, crowd, model, np.array([1]))
     assert avatars.real[[layout.SLIDE_X, layout.SLIDE_Z], 1].tolist() == [0.0, 0.0]

@@ -9,14 +9,13 @@ from synthetic_policy import policy
 
 from crowdsim.crowd import buffers, simulation
 from crowdsim.crowd.buffers import empty_record, empty_scratch
-from crowdsim.crowd.cast import cast_crowd
 from crowdsim.crowd.crowd import Crowding, build_crowd
+from crowdsim.crowd.draw import draw_crowd
 from crowdsim.crowd.events import VARIABLES
 from crowdsim.crowd.kernels.layout import DECISIONS, LANDED, STATES
 from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.crowd.model import build_model, farthest
-from crowdsim.crowd.placement import place_groups
-from crowdsim.crowd.script import Change, CirclePath, LinePath, Script
+from crowdsim.crowd.script import Change, CirclePath, LinePath
 from crowdsim.crowd.simulate import simulate
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.triggers import AtFrame, Landed, Near
@@ -89,9 +88,9 @@ def bytes_of(chunks):
     ],
 )
 def test_a_run_is_that_of_the_naive_twin(name, fields, targets):
-    people, script = crowd(**fields), Script(targets)
-    record, events = whole(simulate(people, POLICIES, 60, script))
-    naive = naive_crowd.run(people, POLICIES, 60, script)
+    people = crowd(**fields, targets=targets)
+    record, events = whole(simulate(replace(people, policies=POLICIES), 60))
+    naive = naive_crowd.run(people, POLICIES, 60)
     assert np.array_equal(record["action"], naive.action)
     assert np.array_equal(record["opponent"], naive.opponent)
     for variable in ("action_frame", "x", "z"):
@@ -216,11 +215,11 @@ def in_precision(chosen, precision):
 @pytest.mark.parametrize("team", [None, np.arange(40) % 3])
 def test_stages_frames_and_chunks_give_the_same_bytes(team, monkeypatch):
     people = crowd(40, team=team)
-    together = bytes_of(simulate(people, POLICIES, 40))
-    assert bytes_of(simulate(people, POLICIES, 40, chunk=7)) == together
+    together = bytes_of(simulate(replace(people, policies=POLICIES), 40))
+    assert bytes_of(simulate(replace(people, policies=POLICIES), 40, chunk=7)) == together
     monkeypatch.setattr(simulation, "SMALL", 0)
-    assert bytes_of(simulate(people, POLICIES, 40)) == together
-    assert bytes_of(simulate(people, POLICIES, 40, search="scipy")) == together
+    assert bytes_of(simulate(replace(people, policies=POLICIES), 40)) == together
+    assert bytes_of(simulate(replace(people, policies=POLICIES), 40, search="scipy")) == together
 
 
 def lattice(count, **fields):
@@ -244,16 +243,16 @@ def lattice(count, **fields):
 )
 def test_every_search_gives_the_same_bytes(people):
     late = ~people.present
-    script = Script(changes=(Change(AtFrame(7), who=late, present=True),) if late.any() else ())
-    auto = bytes_of(simulate(people, POLICIES, 20, script))
+    script = dict(changes=(Change(AtFrame(7), who=late, present=True),) if late.any() else ())
+    auto = bytes_of(simulate(replace(people, policies=POLICIES, **script), 20))
     for search in ("kd_tree", "scipy"):
-        assert bytes_of(simulate(people, POLICIES, 20, script, search=search)) == auto
+        assert bytes_of(simulate(replace(people, policies=POLICIES, **script), 20, search=search)) == auto
 
 
 def test_a_crowd_of_any_size_is_searched_as_it_was_asked_for():
     for count, auto in ((30, "direct"), (500, "kd_tree")):
         for search, expected in (("auto", auto), ("kd_tree", "kd_tree"), ("scipy", "scipy")):
-            run = Simulation(crowd(count), POLICIES, search=search)
+            run = Simulation(replace(crowd(count), policies=POLICIES), search=search)
             run.run(3)
             assert run.searches == [expected]
 
@@ -261,32 +260,34 @@ def test_a_crowd_of_any_size_is_searched_as_it_was_asked_for():
 @pytest.mark.parametrize("team", [None, np.arange(6000) % 2])
 def test_threads_and_the_order_of_storage_change_no_byte(team):
     people = crowd(6000, team=team)
-    one = bytes_of(simulate(people, POLICIES, 25))
+    one = bytes_of(simulate(replace(people, policies=POLICIES), 25))
     order = np.random.default_rng(3).permutation(6000)
-    assert bytes_of(simulate(people, POLICIES, 25, threads=2)) == one
-    assert bytes_of(simulate(people, POLICIES, 25, order=order)) == one
-    assert bytes_of(simulate(people, POLICIES, 25, search="scipy")) == one
+    assert bytes_of(simulate(replace(people, policies=POLICIES), 25, threads=2)) == one
+    assert bytes_of(simulate(replace(people, policies=POLICIES), 25, order=order)) == one
+    assert bytes_of(simulate(replace(people, policies=POLICIES), 25, search="scipy")) == one
 
 
 def test_the_order_of_storage_changes_no_byte_of_a_small_crowd():
     people = crowd(30)
-    assert bytes_of(simulate(people, POLICIES, 50)) == bytes_of(
-        simulate(people, POLICIES, 50, order=np.arange(30)[::-1])
+    assert bytes_of(simulate(replace(people, policies=POLICIES), 50)) == bytes_of(
+        simulate(replace(people, policies=POLICIES), 50, order=np.arange(30)[::-1])
     )
 
 
 def test_another_seed_gives_another_run():
-    assert bytes_of(simulate(crowd(seed=1), POLICIES, 20)) != bytes_of(simulate(crowd(seed=2), POLICIES, 20))
+    assert bytes_of(simulate(replace(crowd(seed=1), policies=POLICIES), 20)) != bytes_of(
+        simulate(replace(crowd(seed=2), policies=POLICIES), 20)
+    )
 
 
 def test_avatars_go_on_from_where_their_last_action_has_ended():
     people = crowd(20, speed=1.0, policy=0)
-    record, _ = whole(simulate(people, POLICIES, 80))
+    record, _ = whole(simulate(replace(people, policies=POLICIES), 80))
     ground = POLICIES[0].database.ground
-    fastest = np.hypot(*np.diff(ground[::4, :2], axis=0).T).max() * people.scale.max()
+    fastest = np.hypot(*np.diff(ground[::4, :2], axis=0).T).max() * people.cast.scales.max()
     steps = np.hypot(np.diff(record["x"], axis=0), np.diff(record["z"], axis=0))
     shifts = POLICIES[0].actions.shifts[:, :2]
-    assert steps.max() <= fastest * 1.05 + np.hypot(*shifts.T).max() * people.scale.max()
+    assert steps.max() <= fastest * 1.05 + np.hypot(*shifts.T).max() * people.cast.scales.max()
     assert (record["action_frame"] == np.round(record["action_frame"])).all()
 
 
@@ -298,14 +299,14 @@ def test_what_memory_held_before_changes_no_result(held, monkeypatch):
             values[...] = held
         return values
 
-    expected = bytes_of(simulate(crowd(30), POLICIES, 200))
+    expected = bytes_of(simulate(replace(crowd(30), policies=POLICIES), 200))
     namespace = SimpleNamespace(**{**vars(np), "empty": dirty})
     monkeypatch.setattr(buffers, "np", namespace)
-    assert bytes_of(simulate(crowd(30), POLICIES, 200)) == expected
+    assert bytes_of(simulate(replace(crowd(30), policies=POLICIES), 200)) == expected
 
 
 def test_speed_makes_decisions_come_so_much_sooner():
-    slow, fast = (Simulation(crowd(30, speed=speed, policy=0), POLICIES) for speed in (0.5, 1.0))
+    slow, fast = (Simulation(replace(crowd(30, speed=speed, policy=0), policies=POLICIES)) for speed in (0.5, 1.0))
     slow.run(400)
     fast.run(200)
     decisions = [one.avatars.whole[DECISIONS].mean() for one in (slow, fast)]
@@ -316,7 +317,7 @@ def test_a_table_that_is_no_number_names_avatar_and_frame():
     broken = policy(0, "v")
     broken.values[:] = np.nan
     with pytest.raises(RunError, match=r"avatar \d+ at control frame \d+"):
-        list(simulate(crowd(policies=1), [broken], 10))
+        list(simulate(replace(crowd(policies=1), policies=[broken]), 10))
 
 
 def test_motion_that_is_no_number_names_avatar_and_frame():
@@ -324,18 +325,18 @@ def test_motion_that_is_no_number_names_avatar_and_frame():
     broken.database.ground[50:] = np.nan
     for count in (12, 500):
         with pytest.raises(RunError, match=r"avatar \d+ at control frame \d+"):
-            list(simulate(crowd(count, policies=1), [broken], 30))
+            list(simulate(replace(crowd(count, policies=1), policies=[broken]), 30))
 
 
 def test_an_avatar_that_starts_nowhere_is_refused_by_its_number():
     people = crowd()
     people.x[7] = np.nan
     with pytest.raises(RunError, match="avatar 7 starts at"):
-        next(simulate(people, POLICIES, 5))
+        next(simulate(replace(people, policies=POLICIES), 5))
 
 
 def test_one_avatar_alone_keeps_moving():
-    record, _ = whole(simulate(crowd(1), POLICIES, 30))
+    record, _ = whole(simulate(replace(crowd(1), policies=POLICIES), 30))
     assert (record["opponent"] == -1).all()
     assert np.ptp(record["x"]) > 0
 
@@ -345,8 +346,8 @@ def test_groups_enter_and_leave(count):
     late = np.arange(count) % 3 == 0
     gone = np.arange(count) % 3 == 1
     people = crowd(count, present=~late)
-    script = Script(changes=(Change(AtFrame(10), who=late, present=True), Change(AtFrame(20), who=gone, present=False)))
-    record, events = whole(simulate(people, POLICIES, 60, script))
+    script = dict(changes=(Change(AtFrame(10), who=late, present=True), Change(AtFrame(20), who=gone, present=False)))
+    record, events = whole(simulate(replace(people, policies=POLICIES, **script), 60))
     assert (record["action"][:10, late] == -1).all()
     assert (record["action"][10:, late] >= 0).all()
     np.testing.assert_allclose(record["x"][10, late], people.x[late], atol=1e-5)
@@ -355,26 +356,28 @@ def test_groups_enter_and_leave(count):
     assert not np.isin(events["attacker"][events["frame"] < 10], np.flatnonzero(late)).any()
     # An avatar that has decided since has another opponent; the longest action is over by then.
     assert not np.isin(record["opponent"][50:, ~gone], np.flatnonzero(gone)).any()
-    assert bytes_of(simulate(people, POLICIES, 30, script, chunk=4)) == bytes_of(simulate(people, POLICIES, 30, script))
+    assert bytes_of(simulate(replace(people, policies=POLICIES, **script), 30, chunk=4)) == bytes_of(
+        simulate(replace(people, policies=POLICIES, **script), 30)
+    )
 
 
 def test_those_who_enter_a_small_crowd_change_nothing_in_how_it_runs(monkeypatch):
     people = crowd(30, present=np.arange(30) > 9)
-    script = Script(changes=(Change(AtFrame(7), who=np.arange(30) < 10, present=True),))
-    together = bytes_of(simulate(people, POLICIES, 30, script))
+    script = dict(changes=(Change(AtFrame(7), who=np.arange(30) < 10, present=True),))
+    together = bytes_of(simulate(replace(people, policies=POLICIES, **script), 30))
     monkeypatch.setattr(simulation, "SMALL", 0)
-    assert bytes_of(simulate(people, POLICIES, 30, script)) == together
+    assert bytes_of(simulate(replace(people, policies=POLICIES, **script), 30)) == together
 
 
 def test_a_change_waits_for_its_condition():
     people = crowd(20, team=np.arange(20) % 2, group=np.arange(20) % 2)
     nobody = {"who": np.ones(20, bool), "skip": np.full(20, -2), "fixed": np.full(20, -1)}
-    _, before = whole(simulate(people, POLICIES, 200))
+    _, before = whole(simulate(replace(people, policies=POLICIES), 200))
     third = int(np.ceil(before["frame"][before["landed"]][2]))
-    record, _ = whole(simulate(people, POLICIES, 200, Script(changes=(Change(Landed(3), **nobody),))))
+    record, _ = whole(simulate(replace(people, policies=POLICIES, changes=(Change(Landed(3), **nobody),)), 200))
     frames = np.flatnonzero((record["opponent"] == -1).any(axis=1))
     assert frames[0] >= third + 1
-    record, _ = whole(simulate(people, POLICIES, 60, Script(changes=(Change(Near(0, 1, 100.0), **nobody),))))
+    record, _ = whole(simulate(replace(people, policies=POLICIES, changes=(Change(Near(0, 1, 100.0), **nobody),)), 60))
     assert (record["opponent"][0] >= 0).all()
     assert (record["opponent"][30:] == -1).any()
 
@@ -382,21 +385,23 @@ def test_a_change_waits_for_its_condition():
 def test_weights_are_needed_for_every_behaviour():
     people = crowd(4)
     with pytest.raises(ValueError, match="weights of 1 behaviours, expected 2"):
-        Simulation(replace(people, weights=people.weights[:, :1]), POLICIES)
+        Simulation(replace(people, weights=people.weights[:, :1], policies=POLICIES))
 
 
 def test_new_weights_change_what_avatars_do():
     people = crowd(20)
     change = Change(AtFrame(20), weights=np.array([[0.0, np.nan]]), temperatures=np.array([np.nan]))
-    one, _ = whole(simulate(people, POLICIES, 40))
-    two, _ = whole(simulate(people, POLICIES, 40, Script(changes=(change,))))
+    one, _ = whole(simulate(replace(people, policies=POLICIES), 40))
+    two, _ = whole(simulate(replace(people, policies=POLICIES, changes=(change,)), 40))
     assert np.array_equal(one["action"][:20], two["action"][:20])
     assert not np.array_equal(one["action"], two["action"])
 
 
 def test_keeping_apart_keeps_bodies_apart():
     def overlap(crowding):
-        record, _ = whole(simulate(crowd(36, crowding=crowding, policies=1, speed=1.0), POLICIES, 150))
+        record, _ = whole(
+            simulate(replace(crowd(36, crowding=crowding, policies=1, speed=1.0), policies=POLICIES), 150)
+        )
         x, z = record["x"], record["z"]
         near = np.hypot(x[:, :, None] - x[:, None], z[:, :, None] - z[:, None]) < 0.4
         return near.sum(axis=2).mean() - 1
@@ -410,7 +415,7 @@ def test_a_scenario_may_let_avatars_walk_through_one_another():
         chosen = POLICIES[0]
         fight = replace(chosen.behaviours[0], name="fight")
         boxer = [replace(chosen, name="boxer", behaviours=(fight, *chosen.behaviours[1:]))]
-        assert cast_crowd(scenario, place_groups(scenario), boxer)[0].crowding == rules
+        assert draw_crowd(scenario, boxer).crowding == rules
 
 
 def test_avatars_turn_back_at_the_border():
@@ -418,7 +423,7 @@ def test_avatars_turn_back_at_the_border():
     kept = crowd(9, arena=np.array([1.0, 1.5, 1.5, 2.0, 2.0]), speed=1.0, policies=1)
 
     def reach(people):
-        record, _ = whole(simulate(people, POLICIES, 400))
+        record, _ = whole(simulate(replace(people, policies=POLICIES), 400))
         return np.hypot(record["x"] - 1.5, record["z"] - 1.5).max()
 
     assert reach(kept) < 4.5
@@ -427,17 +432,17 @@ def test_avatars_turn_back_at_the_border():
 
 @pytest.mark.parametrize("count", [12, 500])
 def test_scopes_add_up_to_the_whole(count):
-    chunks = list(simulate(crowd(count), POLICIES, 20, profiled=True))
+    chunks = list(simulate(replace(crowd(count), policies=POLICIES), 20, profiled=True))
     timings = np.concatenate([chunk.timings for chunk in chunks])
     assert timings.shape == (20, len(simulation.STAGES))
     assert (timings >= 0).all()
     assert timings[:, 1:].sum() > 0
-    assert all(chunk.timings is None for chunk in simulate(crowd(count), POLICIES, 2))
+    assert all(chunk.timings is None for chunk in simulate(replace(crowd(count), policies=POLICIES), 2))
 
 
 def test_an_unknown_index_is_refused_with_those_there_are():
     with pytest.raises(ValueError, match="expected one of auto, kd_tree, scipy"):
-        Simulation(crowd(), POLICIES, search="kd_tre")
+        Simulation(replace(crowd(), policies=POLICIES), search="kd_tre")
 
 
 def test_policies_of_different_rates_are_refused():

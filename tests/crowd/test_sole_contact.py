@@ -1,5 +1,7 @@
 """Soles and bodies on the floor: what an action treads on, and ways around bodies, against slow and plain versions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from falling import falling_policy
@@ -57,7 +59,7 @@ def gap(points, body, database, frame, size):
 def test_what_an_action_treads_on_matches_naive(seed):
     policy = falling_policy()
     database, model = policy.database, build_model([policy])
-    one = Simulation(fighters(2, seed=seed), [policy], model=model)
+    one = Simulation(replace(fighters(2, seed=seed), policies=[policy]), model=model)
     avatars, rng = one.avatars, np.random.default_rng(seed)
     own, other = (int(avatars.slot_of[number]) for number in (0, 1))
     fall = int(np.flatnonzero(model.falls[:, layout.FALL_KIND] == layout.FALLS)[seed])

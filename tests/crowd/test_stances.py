@@ -10,10 +10,9 @@ from test_simulation import bytes_of, crowd, whole
 from test_tempo import EAGER
 
 from crowdsim.crowd import simulation
-from crowdsim.crowd.cast import cast_crowd
 from crowdsim.crowd.crowd import Crowding, build_crowd
+from crowdsim.crowd.draw import draw_crowd
 from crowdsim.crowd.kernels import layout
-from crowdsim.crowd.placement import place_groups
 from crowdsim.crowd.simulate import simulate
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.stances import MOST_ACTIONS, draw_stances, leading_feet, stance_actions
@@ -78,25 +77,25 @@ def test_what_avatars_of_all_stances_do_is_what_the_naive_twin_says(interval):
     people = build_crowd(
         x, z, heading, speed=1.2, interval=interval, seed=4, crowding=Crowding(wasted=0.0), variety=1.0, **of(stances)
     )
-    [chunk] = simulate(people, [BOTH], 150)
+    [chunk] = simulate(replace(people, policies=[BOTH]), 150)
     naive = naive_crowd.run(people, [BOTH], 150)
     np.testing.assert_array_equal(chunk.action, naive.action)
     assert len(chunk.events.frame) == len(naive.strikes) > 10
 
 
 def test_avatars_without_a_stance_do_what_they_do_where_nobody_has_one():
-    plain = bytes_of(simulate(crowd(interval=20.0), POLICIES, 120))
-    assert bytes_of(simulate(crowd(interval=20.0, **of(np.zeros(12))), POLICIES, 120)) == plain
-    assert bytes_of(simulate(crowd(interval=20.0, **of(drawn(12))), POLICIES, 120)) != plain
+    plain = bytes_of(simulate(replace(crowd(interval=20.0), policies=POLICIES), 120))
+    assert bytes_of(simulate(replace(crowd(interval=20.0, **of(np.zeros(12))), policies=POLICIES), 120)) == plain
+    assert bytes_of(simulate(replace(crowd(interval=20.0, **of(drawn(12))), policies=POLICIES), 120)) != plain
 
 
 def test_avatars_begin_in_their_stance_and_return_to_it():
     stances = drawn(300)
     people = build_crowd(*np.random.default_rng(2).uniform(0, 40, (2, 300)), interval=20.0, seed=3, **of(stances))
-    record, _ = whole(simulate(people, [BOTH], 200))
+    record, _ = whole(simulate(replace(people, policies=[BOTH]), 200))
     leads = leading_feet(BOTH.database)[BOTH.graph.state_frames]
     ends = leads[BOTH.actions.next[record["action"]]]
-    first = leads[BOTH.actions.next[Simulation(people, [BOTH]).avatars.whole[layout.ACTION]]]
+    first = leads[BOTH.actions.next[Simulation(replace(people, policies=[BOTH])).avatars.whole[layout.ACTION]]]
     for stance, sign in ((ORTHODOX, 1), (SOUTHPAW, -1)):
         own = stances == stance
         assert (first[own] * sign >= 0).all()
@@ -106,24 +105,27 @@ def test_avatars_begin_in_their_stance_and_return_to_it():
 
 def test_stances_depend_on_neither_threads_nor_storage_nor_calls(monkeypatch):
     people = crowd(20, interval=15.0, spacing=0.8, **of(drawn(20)))
-    expected = bytes_of(simulate(people, POLICIES, 80))
-    assert bytes_of(simulate(people, POLICIES, 80, order=np.random.default_rng(1).permutation(20))) == expected
-    one = Simulation(people, POLICIES)
+    expected = bytes_of(simulate(replace(people, policies=POLICIES), 80))
+    assert (
+        bytes_of(simulate(replace(people, policies=POLICIES), 80, order=np.random.default_rng(1).permutation(20)))
+        == expected
+    )
+    one = Simulation(replace(people, policies=POLICIES))
     assert bytes_of([one.run(17), one.run(63)]) == expected
-    first, second = Simulation(people, POLICIES), Simulation(people, POLICIES)
+    first, second = Simulation(replace(people, policies=POLICIES)), Simulation(replace(people, policies=POLICIES))
     begun = first.run(33)
     second.restore(first.state())
     assert bytes_of([begun, second.run(47)]) == expected
     monkeypatch.setattr(simulation, "SMALL", 0)
-    assert bytes_of(simulate(people, POLICIES, 80, threads=2)) == expected
+    assert bytes_of(simulate(replace(people, policies=POLICIES), 80, threads=2)) == expected
 
 
 def test_a_state_with_other_stances_is_refused():
     people = crowd(interval=15.0, **of(drawn(12)))
-    state = Simulation(people, POLICIES).state()
+    state = Simulation(replace(people, policies=POLICIES)).state()
     state["avatars.conditions"][3, layout.STANCE] = (state["avatars.conditions"][3, layout.STANCE] + 1) % 3
     with pytest.raises(ValueError, match="holds other temperaments or stances than those of the run"):
-        Simulation(people, POLICIES).restore(state)
+        Simulation(replace(people, policies=POLICIES)).restore(state)
 
 
 SCENARIO = """
@@ -148,7 +150,7 @@ def scenario(folder, stance, name="tiny"):
 
 def test_southpaws_are_drawn_by_their_share(workplace):
     types = np.zeros(4000, np.int64)
-    assert draw_stances(scenario(workplace, "null"), types).shape == (0,)
+    assert not draw_stances(scenario(workplace, "null"), types).any()
     assert (draw_stances(scenario(workplace, "orthodox"), types) == ORTHODOX).all()
     assert (draw_stances(scenario(workplace, "southpaw"), types) == SOUTHPAW).all()
     shares = draw_stances(scenario(workplace, "{southpaw: 0.2}"), types)
@@ -161,8 +163,8 @@ def test_southpaws_lead_with_the_right_foot_and_strike_with_the_other_hand(tiny_
     leads, shown = leading_feet(tiny.database)[tiny.graph.state_frames], {}
     for stance, sign in (("orthodox", 1), ("southpaw", -1)):
         one = scenario(workplace, stance)
-        people, _ = cast_crowd(one, place_groups(one), [tiny])
-        record, events = whole(simulate(people, [tiny], 2400))
+        people = replace(draw_crowd(one, [tiny]), frames=2400)
+        record, events = whole(simulate(people, 2400))
         ends = leads[tiny.actions.next[record["action"]]]
         left = events["limb"][events["landed"]] == 0
         shown[stance] = np.mean(ends * sign > 0), np.mean(ends * sign < 0), np.mean(left), len(left)

@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from synthetic_policy import policy
 from test_simulation import bytes_of, crowd
 
-from crowdsim.crowd.script import Change, CirclePath, Script
+from crowdsim.crowd.script import Change, CirclePath
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.state import STATE
 from crowdsim.crowd.triggers import AtFrame, Landed, Near
@@ -21,7 +22,7 @@ SCRATCH = ("_scratch", "_stages._due", "_stages._avatars.", "_stages._index", "_
 """Arrays that change too, but hold nothing from one frame to the next that results depend on."""
 
 
-def scripted(**fields: Any) -> tuple[Any, Script]:
+def scripted(**fields: Any) -> tuple[Any, dict[str, Any]]:
     """Return a crowd with a scripted target, some who come late, some who leave, and other changes on conditions."""
     late = np.arange(12) >= 9
     one = crowd(present=~late, interval=20.0, group=GROUPS, team=GROUPS, **fields)
@@ -32,13 +33,13 @@ def scripted(**fields: Any) -> tuple[Any, Script]:
         Change(Near(0, 1, 0.8), who=GROUPS == 1, skip=np.full(12, -2), fixed=np.full(12, -2)),
         Change(AtFrame(44), who=np.arange(12) < 2, present=False),
     )
-    return one, Script((CirclePath(2.0, 1.0, (1.0, 1.0), 1.5),), changes)
+    return one, dict(targets=(CirclePath(2.0, 1.0, (1.0, 1.0), 1.5),), changes=changes)
 
 
 CROWDS = {
-    "free for all": lambda: (crowd(), None),
-    "bursts": lambda: (crowd(interval=20.0), None),
-    "two teams": lambda: (crowd(team=np.arange(12) % 2), None),
+    "free for all": lambda: (crowd(), {}),
+    "bursts": lambda: (crowd(interval=20.0), {}),
+    "two teams": lambda: (crowd(team=np.arange(12) % 2), {}),
     "events": scripted,
 }
 
@@ -48,7 +49,7 @@ CROWDS = {
 @pytest.mark.parametrize("stop", [1, 16, 17, 18, 45])
 def test_a_simulation_goes_on_from_a_state_as_the_undisturbed_one_does(name: str, stop: int, search: str) -> None:
     one, script = CROWDS[name]()
-    whole, first, second = (Simulation(one, POLICIES, script, 1, search) for _ in range(3))
+    whole, first, second = (Simulation(replace(one, policies=POLICIES, **script), 1, search) for _ in range(3))
     expected = [whole.run(stop), whole.run(FRAMES - stop)]
     first.run(stop)
     second.restore(through_a_file(first.state()))
@@ -70,7 +71,7 @@ def through_a_file(state: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("search", ["auto", "kd_tree"])
 def test_everything_that_changes_is_in_the_state(search: str) -> None:
     one, script = scripted()
-    simulation = Simulation(one, POLICIES, script, 1, search)
+    simulation = Simulation(replace(one, policies=POLICIES, **script), 1, search)
     simulation.run(1)
     before = {path: repr(value) for path, value in parts(simulation)}
     simulation.run(FRAMES)
@@ -110,7 +111,7 @@ def parts(thing: Any, path: str = "", above: tuple[int, ...] = ()) -> Iterator[t
     ],
 )
 def test_a_state_of_another_crowd_is_refused(change: dict[str, Any], message: str) -> None:
-    simulation = Simulation(crowd(), POLICIES)
+    simulation = Simulation(replace(crowd(), policies=POLICIES))
     state = {name: value for name, value in {**simulation.state(), **change}.items() if value is not None}
     with pytest.raises(ValueError, match=message.replace("(", r"\(").replace(")", r"\)")):
         simulation.restore(state)

@@ -1,5 +1,7 @@
 """Tempo, aggression and range of each avatar's own: what they change, and that nothing else changes."""
 
+from dataclasses import replace
+
 import naive_crowd
 import numpy as np
 import pytest
@@ -36,16 +38,18 @@ def test_what_avatars_of_all_temperaments_do_is_what_the_naive_twin_says(interva
     people = build_crowd(
         x, z, heading, speed=1.2, interval=interval, seed=4, crowding=Crowding(wasted=0.0), variety=1.0, **of(6)
     )
-    [chunk] = simulate(people, [EAGER], 150)
+    [chunk] = simulate(replace(people, policies=[EAGER]), 150)
     naive = naive_crowd.run(people, [EAGER], 150)
     np.testing.assert_array_equal(chunk.action, naive.action)
     assert len(chunk.events.frame) == len(naive.strikes) > 10
     same = [
         *simulate(
-            build_crowd(
-                x, z, heading, speed=1.2, interval=interval, seed=4, crowding=Crowding(wasted=0.0), variety=1.0
+            replace(
+                build_crowd(
+                    x, z, heading, speed=1.2, interval=interval, seed=4, crowding=Crowding(wasted=0.0), variety=1.0
+                ),
+                policies=[EAGER],
             ),
-            [EAGER],
             150,
         )
     ]
@@ -53,35 +57,38 @@ def test_what_avatars_of_all_temperaments_do_is_what_the_naive_twin_says(interva
 
 
 def test_avatars_without_a_temperament_are_even_tempered():
-    plain = bytes_of(simulate(crowd(interval=20.0), POLICIES, 120))
+    plain = bytes_of(simulate(replace(crowd(interval=20.0), policies=POLICIES), 120))
     for temperaments in (np.zeros((0, 3)), np.tile([1.0, 0.0, 0.0], (12, 1))):
         fields = of(12, temperaments=temperaments, interval=20.0)
-        assert bytes_of(simulate(crowd(**fields), POLICIES, 120)) == plain
+        assert bytes_of(simulate(replace(crowd(**fields), policies=POLICIES), 120)) == plain
 
 
 def test_temperaments_depend_on_neither_threads_nor_storage_nor_calls(monkeypatch):
     people = crowd(20, interval=15.0, spacing=0.8, **of(20))
-    expected = bytes_of(simulate(people, POLICIES, 80))
-    assert bytes_of(simulate(people, POLICIES, 80, order=np.random.default_rng(1).permutation(20))) == expected
-    one = Simulation(people, POLICIES)
+    expected = bytes_of(simulate(replace(people, policies=POLICIES), 80))
+    assert (
+        bytes_of(simulate(replace(people, policies=POLICIES), 80, order=np.random.default_rng(1).permutation(20)))
+        == expected
+    )
+    one = Simulation(replace(people, policies=POLICIES))
     assert bytes_of([one.run(17), one.run(63)]) == expected
     monkeypatch.setattr(simulation, "SMALL", 0)
-    assert bytes_of(simulate(people, POLICIES, 80, threads=2)) == expected
+    assert bytes_of(simulate(replace(people, policies=POLICIES), 80, threads=2)) == expected
 
 
 def test_a_state_with_other_temperaments_is_refused():
     people = crowd(interval=15.0, **of(12))
-    state = Simulation(people, POLICIES).state()
+    state = Simulation(replace(people, policies=POLICIES)).state()
     np.testing.assert_array_equal(state["avatars.conditions"][:, layout.TEMPO : layout.RANGE + 1], people.temperaments)
     state["avatars.conditions"][3, layout.RANGE] += 0.1
     with pytest.raises(ValueError, match="holds other temperaments or stances than those of the run"):
-        Simulation(people, POLICIES).restore(state)
+        Simulation(replace(people, policies=POLICIES)).restore(state)
 
 
 def test_a_simulation_with_temperaments_goes_on_from_its_state():
     people = crowd(interval=15.0, **of(12))
-    expected = bytes_of([Simulation(people, POLICIES).run(80)])
-    first, second = Simulation(people, POLICIES), Simulation(people, POLICIES)
+    expected = bytes_of([Simulation(replace(people, policies=POLICIES)).run(80)])
+    first, second = Simulation(replace(people, policies=POLICIES)), Simulation(replace(people, policies=POLICIES))
     begun = first.run(33)
     second.restore(first.state())
     assert bytes_of([begun, second.run(47)]) == expected
@@ -92,7 +99,9 @@ def test_in_one_crowd_each_keeps_its_own_tempo():
     tempo = np.random.default_rng(1).uniform(20.0, 100.0, 40)
     temperaments = np.column_stack([60.0 / tempo, np.zeros(40), np.zeros(40)])
     fields = of(40, temperaments=temperaments, interval=15.0)
-    _, events = whole(simulate(build_crowd(x, z, heading, crowding=Crowding.none(), **fields), [EAGER], 1500))
+    _, events = whole(
+        simulate(replace(build_crowd(x, z, heading, crowding=Crowding.none(), **fields), policies=[EAGER]), 1500)
+    )
     thrown = np.bincount(events["attacker"], minlength=40)
     assert np.corrcoef(tempo, thrown)[0, 1] > 0.9
 
@@ -109,7 +118,9 @@ def fight(boxer, column, value, frames=1500, pairs=8, **more):
     temperaments = np.tile([1.0, 0.0, 0.0], (2 * pairs, 1))
     temperaments[:, column] = value
     fields = of(2 * pairs, temperaments=temperaments, interval=15.0, team=np.tile([0, 1], pairs))
-    record, events = whole(simulate(build_crowd(x, z, heading, seed=2, **fields, **more), [boxer], frames))
+    record, events = whole(
+        simulate(replace(build_crowd(x, z, heading, seed=2, **fields, **more), policies=[boxer]), frames)
+    )
     other = np.maximum(record["opponent"], 0)
     apart = np.hypot(*(np.take_along_axis(record[axis], other, 1) - record[axis] for axis in "xz"))
     return len(events["frame"]), float(np.median(apart[record["opponent"] >= 0]))

@@ -1,10 +1,12 @@
 """The randomness that avatars have by default varies what they do, and costs them little of what they want."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from crowdsim.crowd.crowd import Crowding, build_crowd
-from crowdsim.crowd.script import CirclePath, Script
+from crowdsim.crowd.script import CirclePath
 from crowdsim.crowd.simulate import simulate
 from crowdsim.policy.bundle import load_policy
 from crowdsim.scenario.parts import AvatarType
@@ -30,8 +32,8 @@ def approach(trained, seed, **fields):
         skip=np.full(COUNT, -2), fixed=np.full(COUNT, -2), crowding=Crowding.none(), seed=seed, **fields,
     )  # fmt: skip
     rate = trained.database.control_rate
-    script = Script((CirclePath(radius=1.0, speed=0.0, centre=(0.0, -1.0), height=1.5),))
-    chunks = list(simulate(people, [trained], round(SECONDS * rate), script))
+    script = dict(targets=(CirclePath(radius=1.0, speed=0.0, centre=(0.0, -1.0), height=1.5),))
+    chunks = list(simulate(replace(people, policies=[trained], **script), round(SECONDS * rate)))
     far = np.hypot(*(np.concatenate([getattr(chunk, axis) for chunk in chunks]) for axis in "xz"))
     arrived = (far < NEAR).any(axis=0)
     times = np.where(arrived, (far < NEAR).argmax(axis=0) / rate, SECONDS)

@@ -51,7 +51,7 @@ def ran(frames=FRAMES, chosen=EAGER, **fields):
     """Actions, and attackers and frames of all strikes, of a crowd in which nothing counts but values."""
     z, x = np.divmod(np.arange(16), 4)
     people = build_crowd(1.2 * x, 1.2 * z, x + z, seed=1, crowding=Crowding.none(), **fields)
-    chunks = list(simulate(people, [chosen], frames))
+    chunks = list(simulate(replace(people, policies=[chosen]), frames))
     events = [chunk.events for chunk in chunks]
     return (
         np.concatenate([chunk.action for chunk in chunks]),
@@ -116,7 +116,7 @@ def test_an_avatar_that_rests_is_still_while_its_opponent_is_near_and_ahead(apar
     people = build_crowd(x, z, np.tile([np.pi - heading, 0.0], 200), **fields)
 
     def chosen(policy):
-        simulation = Simulation(people, [policy])
+        simulation = Simulation(replace(people, policies=[policy]))
         simulation.avatars.real[RESTED] = 100.0
         return simulation.run(1).action[0, ::2]
 
@@ -132,7 +132,7 @@ def test_an_avatar_that_rests_is_still_while_its_opponent_is_near_and_ahead(apar
 def test_bursts_and_rests_are_those_of_the_naive_twin(interval, chosen):
     x, z, heading = np.random.default_rng(0).uniform(0, 3, (3, 6))
     people = build_crowd(x, z, heading, speed=1.2, interval=interval, seed=4, crowding=Crowding(wasted=0.0))
-    [chunk] = simulate(people, [chosen], 150)
+    [chunk] = simulate(replace(people, policies=[chosen]), 150)
     naive = naive_crowd.run(people, [chosen], 150)
     np.testing.assert_array_equal(chunk.action, naive.action)
     assert len(chunk.events.frame) == len(naive.strikes) > 10

@@ -22,7 +22,7 @@ def run(frames=300, apart=1.0, **fields):
     z, x = np.divmod(np.arange(9), 3)
     fields = {"crowding": Crowding(unseen=0.0, wasted=0.0), "temperature": 0.3, "margin": 1.0, **fields}
     people = build_crowd(apart * x, apart * z, x - z, seed=1, **fields)
-    (chunk,) = simulate(people, POLICIES, frames, chunk=frames)
+    (chunk,) = simulate(replace(people, policies=POLICIES), frames, chunk=frames)
     return chunk
 
 
@@ -95,7 +95,7 @@ def test_a_strong_hit_costs_a_step():
     people = build_crowd(x, z, rng.uniform(-3, 3, 300), temperature=0.0, crowding=Crowding(wasted=0.0))
 
     def moved(strength, frame):
-        simulation = Simulation(people, POLICIES)
+        simulation = Simulation(replace(people, policies=POLICIES))
         avatars = simulation.avatars
         avatars.real[[HIT_X, HIT_Z, HIT_FRAME]] = [[strength * 0.6], [strength * 0.8], [frame]]
         simulation.run(1)
@@ -121,7 +121,7 @@ def test_few_strike_from_behind(looks_away):
     def strikes(unseen):
         crowding = replace(Crowding.none(), unseen=unseen)
         people = build_crowd(x, z, heading, temperature=0.3, margin=1.0, crowding=crowding)
-        (chunk,) = simulate(people, POLICIES, 1, chunk=1)
+        (chunk,) = simulate(replace(people, policies=POLICIES), 1, chunk=1)
         return np.diff(POLICIES[0].actions.strike_offsets)[chunk.action[0, ::2]].sum()
 
     assert strikes(0.0) > 20

@@ -1,6 +1,7 @@
 """Avatars at ease walk off where nobody is left to fight and the way is free, once, and stand at ease again."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from crowdsim.crowd.crowd import build_crowd
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.walking import CLEAR, NEARER, is_free
 from crowdsim.crowd.model import build_model, entry_actions
-from crowdsim.crowd.script import Change, Script
+from crowdsim.crowd.script import Change
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.triggers import AtFrame
 
@@ -41,7 +42,7 @@ def beginnings(action):
 
 
 def test_an_avatar_without_opponents_comes_to_rest_walks_off_once_and_stands_at_ease():
-    one = Simulation(row(1, 1.0), [resting_policy()])
+    one = Simulation(replace(row(1, 1.0), policies=[resting_policy()]))
     chunk = one.run(60 * SECONDS)
     ((frame, _),) = beginnings(chunk.action)
     assert np.isin(chunk.action[frame - 1, 0], resting_policy().rests.hold)
@@ -54,7 +55,7 @@ def test_an_avatar_without_opponents_comes_to_rest_walks_off_once_and_stands_at_
 
 
 def test_a_walk_is_taken_part_by_part_to_where_others_see_it_halt():
-    one = Simulation(row(1, 1.0), [resting_policy()])
+    one = Simulation(replace(row(1, 1.0), policies=[resting_policy()]))
     rests, taken = resting_policy().rests, []
     while not (taken and np.isin(taken[-1], rests.hold)):
         action = int(one.run(1).action[0, 0])
@@ -77,13 +78,15 @@ def test_a_walk_is_taken_part_by_part_to_where_others_see_it_halt():
 def test_those_that_are_told_to_rest_do_not_walk_off():
     told = Change(AtFrame(0), who=np.ones(2, bool), mode=layout.RESTS, distance=2.0)
     fighters = build_crowd([0.0, 3.0], [0.0, 0.0], conditioned=True, rules=0.0 * RULES, seed=4)
-    chunk = Simulation(fighters, [resting_policy()], Script(changes=(told,))).run(60 * SECONDS)
+    chunk = Simulation(replace(fighters, policies=[resting_policy()], changes=(told,))).run(60 * SECONDS)
     assert np.isin(chunk.action[-1], resting_policy().rests.hold).all()
     assert not len(beginnings(chunk.action))
     alone = Simulation(
-        row(1, 1.0),
-        [resting_policy()],
-        Script(changes=(Change(AtFrame(0), who=np.ones(1, bool), mode=layout.RESTS, distance=2.0),)),
+        replace(
+            row(1, 1.0),
+            policies=[resting_policy()],
+            changes=(Change(AtFrame(0), who=np.ones(1, bool), mode=layout.RESTS, distance=2.0),),
+        )
     )
     assert not len(beginnings(alone.run(60 * SECONDS).action))
 
@@ -91,7 +94,7 @@ def test_those_that_are_told_to_rest_do_not_walk_off():
 @pytest.mark.parametrize(("rises", "goes"), [(1e6, False), (math.inf, True)])
 def test_nobody_walks_off_while_an_opponent_may_get_up_again(rises, goes):
     fighters = build_crowd([0.0, 6.0], [0.0, 0.0], conditioned=True, rules=0.0 * RULES, seed=4)
-    one = Simulation(fighters, [resting_policy()])
+    one = Simulation(replace(fighters, policies=[resting_policy()]))
     down = one.avatars.conditions[1]
     down[layout.STANDING], down[layout.RISES], down[layout.FALL] = layout.LYING, math.inf, 0.0
     one.avatars.whole[layout.TEAM, one.avatars.slot_of[1]] = -2
@@ -103,18 +106,18 @@ def test_nobody_walks_off_while_an_opponent_may_get_up_again(rises, goes):
 
 def test_nobody_leaves_the_arena_or_walks_into_others_that_stand():
     arena = np.array([layout.CIRCLE, 0.0, 0.0, 2.0, 2.0])
-    chunk = Simulation(row(1, 1.0, arena=arena), [resting_policy()]).run(60 * SECONDS)
+    chunk = Simulation(replace(row(1, 1.0, arena=arena), policies=[resting_policy()])).run(60 * SECONDS)
     assert np.isin(chunk.action[-1], resting_policy().rests.hold).all()
     assert not len(beginnings(chunk.action))
     around = 2.0 * np.pi * np.arange(12) / 12
     x, z = np.concatenate([[0.0], 1.6 * np.cos(around)]), np.concatenate([[0.0], 1.6 * np.sin(around)])
-    chunk = Simulation(friends(x, z), [resting_policy()]).run(10 * SECONDS)
+    chunk = Simulation(replace(friends(x, z), policies=[resting_policy()])).run(10 * SECONDS)
     assert not len(beginnings(chunk.action[:, :1]))
 
 
 def test_walks_keep_clear_of_those_that_stand_walk_and_lie():
     x, z = np.meshgrid(2.2 * np.arange(5), 2.2 * np.arange(5))
-    one = Simulation(friends(x.ravel(), z.ravel()), [resting_policy()])
+    one = Simulation(replace(friends(x.ravel(), z.ravel()), policies=[resting_policy()]))
     for number in (3, 11, 17):
         down = one.avatars.conditions[number]
         down[layout.STANDING], down[layout.RISES], down[layout.FALL] = layout.LYING, math.inf, 0.0
@@ -140,7 +143,7 @@ def test_walks_keep_clear_of_those_that_stand_walk_and_lie():
 
 
 def test_walks_lead_away_from_a_body_at_an_avatars_feet():
-    one = Simulation(friends([0.0, 3.0], [0.0, 0.0]), [resting_policy()])
+    one = Simulation(replace(friends([0.0, 3.0], [0.0, 0.0]), policies=[resting_policy()]))
     down = one.avatars.conditions[1]
     down[layout.STANDING], down[layout.RISES], down[layout.FALL] = layout.LYING, math.inf, 0.0
     own, other = one.avatars.slot_of
@@ -163,7 +166,11 @@ def test_walks_lead_away_from_a_body_at_an_avatars_feet():
 def test_free_ways_match_naive(arena):
     rng = np.random.default_rng(3)
     scale = rng.uniform(0.9, 1.1, 9)
-    one = Simulation(friends(6.0 * rng.random(9), 6.0 * rng.random(9), arena=arena, scale=scale), [resting_policy()])
+    one = Simulation(
+        replace(
+            friends(6.0 * rng.random(9), 6.0 * rng.random(9), arena=arena, scale=scale), policies=[resting_policy()]
+        )
+    )
     lying = one.avatars.conditions[4]
     lying[layout.STANDING], lying[layout.RISES], lying[layout.FALL] = layout.LYING, math.inf, 0.0
     one.avatars.whole[layout.TEAM, one.avatars.slot_of[4]] = -2
@@ -185,7 +192,7 @@ def test_free_ways_match_naive(arena):
 
 def test_a_crowd_does_not_leave_in_step():
     count = 6
-    chunk = Simulation(row(count, 12.0), [resting_policy()]).run(30 * SECONDS)
+    chunk = Simulation(replace(row(count, 12.0), policies=[resting_policy()])).run(30 * SECONDS)
     begun = beginnings(chunk.action)
     assert len({avatar for _, avatar in begun}) == count
     assert len({frame for frame, _ in begun}) > count // 2
@@ -196,7 +203,7 @@ def test_an_opponent_that_enters_is_fought_when_the_walk_has_ended():
         [0.0, 9.0], [0.0, 0.0], conditioned=True, rules=0.0 * RULES, seed=4, present=np.array([True, False])
     )
     comes = Change(AtFrame(300), who=np.array([False, True]), present=True)
-    one = Simulation(crowd, [resting_policy()], Script(changes=(comes,)))
+    one = Simulation(replace(crowd, policies=[resting_policy()], changes=(comes,)))
     action = one.run(60 * SECONDS).action[:, 0]
     begun = beginnings(action[:, None])
     walking = np.isin(action, np.concatenate([walks().take, walks().hold]))
@@ -211,17 +218,17 @@ def bytes_of(chunk):
 
 def test_walks_have_the_same_bytes_for_any_threads_and_after_a_resume():
     crowd = row(14, 2.5)
-    small = Simulation(crowd, [resting_policy()]).run(300)
+    small = Simulation(replace(crowd, policies=[resting_policy()])).run(300)
     assert len(beginnings(small.action)) > 3
     for threads in (1, 2):
         order = np.random.default_rng(threads).permutation(14)
-        staged = Simulation(crowd, [resting_policy()], threads=threads, search="kd_tree", order=order)
+        staged = Simulation(replace(crowd, policies=[resting_policy()]), threads=threads, search="kd_tree", order=order)
         assert bytes_of(staged.run(300)) == bytes_of(small)
         staged.close()
     middle = int(beginnings(small.action)[1, 0]) + 20
-    first = Simulation(crowd, [resting_policy()])
+    first = Simulation(replace(crowd, policies=[resting_policy()]))
     first.run(middle)
-    again = Simulation(crowd, [resting_policy()])
+    again = Simulation(replace(crowd, policies=[resting_policy()]))
     again.restore(first.state())
     assert bytes_of(first.run(100)) == bytes_of(again.run(100))
 

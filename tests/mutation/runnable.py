@@ -16,7 +16,7 @@ from on_disk import run_on_disk
 from crowdsim.array_checks import ArrayFault, check_shape, check_table
 from crowdsim.config.documents import document_fault
 from crowdsim.crowd.crowd import build_crowd
-from crowdsim.crowd.script import Change, CirclePath, Script
+from crowdsim.crowd.script import Change, CirclePath
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.triggers import AtFrame, Landed
 from crowdsim.errors import PolicyError, TakeError
@@ -226,8 +226,8 @@ class Base:
     def _simulation(self) -> Simulation:
         late = np.arange(AVATARS) == AVATARS - 1
         changes = (Change(Landed(3), temperatures=np.full(1, 0.3)), Change(AtFrame(9), who=late, present=True))
-        script = Script((CirclePath(2.0, 1.0, (1.0, 1.0), 1.5),), changes)
-        return Simulation(_crowd(self.policy, present=~late), [self.policy], script)
+        script = dict(targets=(CirclePath(2.0, 1.0, (1.0, 1.0), 1.5),), changes=changes)
+        return Simulation(replace(_crowd(self.policy, present=~late), policies=[self.policy], **script))
 
     def _state(self) -> Arrays:
         simulation = self._simulation()
@@ -274,7 +274,7 @@ def _recorded(policy: Policy) -> Take:
     cast = Cast(names, zeros, zeros, zeros, ones, ones, ("boxer",), ("all",), ("tiny",), np.full((1, 3), np.nan))
     header = TakeHeader(cast, policy.database.control_rate, "four", 3, (policy.fingerprint,))
     collector = TakeCollector(header, [policy])
-    chunk = Simulation(_crowd(policy), [policy]).run(FRAMES)
+    chunk = Simulation(replace(_crowd(policy), policies=[policy])).run(FRAMES)
     collector.append(chunk.variables(), chunk.events, chunk.targets)
     collector.close("done")
     return collector.take()

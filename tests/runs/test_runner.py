@@ -18,9 +18,10 @@ import pytest
 from scenes import crowdsim, write_scene
 
 import crowdsim as package
+from crowdsim.crowd.draw import draw_crowd
 from crowdsim.errors import RunError
 from crowdsim.preparation import prepare as preparation
-from crowdsim.preparation.prepare import load_policies, prepare
+from crowdsim.preparation.prepare import load_policies
 from crowdsim.runs import runner
 from crowdsim.runs.manifest import Verdict, read_manifest, verify, write_manifest
 from crowdsim.runs.runner import run, run_to
@@ -553,7 +554,7 @@ def test_policies_of_one_run_share_a_control_rate(workplace: Path) -> None:
     path = write_scene(workplace / "four.yaml", types=types)
     scenario = load_scenario(path, ["groups[0].type=slow"])
     with pytest.raises(RunError, match="four: policies of one run need one control rate, but tiny has 15, slow has 10"):
-        prepare(scenario, load_policies(scenario))
+        draw_crowd(scenario, load_policies(scenario))
 
 
 def start(workplace: Path, *arguments: str) -> subprocess.Popen:

@@ -153,7 +153,7 @@ def test_of_files_of_points_only_the_rows_that_are_needed_are_read(folder: Path)
     for name, expected in (("a.npy", [[0, 1], [3, 4]]), ("a.csv", [[0, 1], [3, 4]])):
         (folder / "s.yaml").write_text(BASE.replace("kind: grid", f"kind: points, file: {name}"))
         placed = place_groups(load_scenario("s.yaml"))
-        np.testing.assert_array_equal(np.column_stack([placed.x, placed.z]), expected)
+        np.testing.assert_array_equal(placed[:2].T, expected)
 
 
 def test_a_name_that_is_too_long_for_a_file_is_a_finding() -> None:
