@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
 import re
 from collections.abc import Sequence
 
@@ -36,9 +35,10 @@ _GLUED = (
 
 
 def plain_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return joint names without what all of them begin with up to a mark: ``Alex:Hips`` and ``Alex:Spine``, or Sam_."""
-    shared = os.path.commonprefix(list(names))
-    length = max(shared.rfind(mark) for mark in ":_|. ") + 1
+    """Return joint names without what all begin with up to a mark, as in ``Alex:Hips`` and ``Alex:Spine``."""
+    first, last = min(names), max(names)
+    same = next((at for at, pair in enumerate(zip(first, last, strict=False)) if len(set(pair)) > 1), len(first))
+    length = max(first[:same].rfind(mark) for mark in ":_|. ") + 1
     return tuple(name[length:] for name in names) if len(names) > 1 else tuple(names)
 
 
