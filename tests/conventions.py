@@ -243,6 +243,26 @@ root pelvis
                     jaw head head+0,0,.03
                     eye.~ head head+.02,.05,.05
 """
+CONNECTORS = """
+Root pelvis
+  Hips pelvis
+    __UpLeg~ pelvis pelvis+0,-.01,0
+      UpLeg~ left_hip
+        LoLeg~ left_knee
+          Foot~ left_foot
+            Toe~ left_toe
+    Spine1 spine
+      Spine2 spine spine>chest:.5
+        Spine3 chest
+          Neck neck
+            Head head
+          __Shoulder~ chest chest
+            Shoulder~ chest neck>left_shoulder:.2
+              UpArm~ left_shoulder
+                LoArm~ left_elbow
+                  Hand~ left_hand
+"""
+"""Bones whose parents end elsewhere than they begin hang on joints that carry no rotation."""
 XSENS = """
 Hips pelvis
   Chest spine
@@ -763,6 +783,7 @@ CONVENTIONS: tuple[Convention, ...] = (
     convention("rigify", ("L", "R"), RIGIFY),
     convention("blender_meta", ("L", "R"), BLENDER_META),
     convention("makehuman", ("L", "R"), MAKEHUMAN),
+    convention("connectors", ("_L", "_R"), CONNECTORS),
     convention("xsens", LEFT_RIGHT, XSENS),
     convention("xsens_mvn", LEFT_RIGHT, XSENS_MVN),
     convention("rokoko", LEFT_RIGHT, ROKOKO),

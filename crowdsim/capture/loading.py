@@ -125,8 +125,8 @@ def load_capture(path: FileName, unit: str | float | None = None, up_axis: str |
     axis = None if up_axis is None else units.parse_up_axis(up_axis)
     bvh = read_bvh(path)
     raw, notes = to_clip(_within_reach(bvh)), _Notes(bvh)
-    poses = sample_poses(raw)[0]
-    roles = human_roles(raw.skeleton, poses)
+    poses, turned = sample_poses(raw)
+    roles = human_roles(raw.skeleton, poses, turned)
     if not roles:
         notes.fault(f"no human body found in {raw.skeleton.joint_count} joints: {_names(raw.skeleton)}")
     if axis is None:

@@ -220,7 +220,7 @@ def time_figure(analysis: ClipAnalysis, start: float) -> Figure:
 def _mark_rejected(axes: Any, analysis: ClipAnalysis, seconds: Array) -> None:
     """Mark fast swings that are no strikes, a shape for each reason, in the colour of the side."""
     rejected = analysis.strikes.rejected
-    for reason, marker in zip(Rejection, "xs+do", strict=True):
+    for reason, marker in zip(Rejection, "xs+do^v", strict=True):
         mine = rejected.reasons == reason
         if not mine.any():
             continue

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections.abc import Sequence
 
 _SIDES = {"left": 0, "l": 0, "lft": 0, "lf": 0, "right": 1, "r": 1, "rgt": 1, "rt": 1}
 _NOISE = frozenset("bip mixamorig character def bn jt joint jnt bone j b m c bind cc base".split())
@@ -15,9 +16,9 @@ WRIST = frozenset({"wrist"})
 FOOT = frozenset({"foot"})
 ANKLE = frozenset({"ankle"})
 TOE = frozenset({"toe", "toes", "toebase", "ball"})
-KNEE = frozenset({"knee", "shin", "calf", "tibia", "lowerleg", "lowleg", "leglower"})
+KNEE = frozenset({"knee", "shin", "calf", "tibia", "lowerleg", "lowleg", "loleg", "leglower"})
 HIP = frozenset({"thigh", "upleg", "upperleg", "femur", "legupper"})
-ELBOW = frozenset({"elbow", "forearm", "lowerarm", "radius", "farm", "armlower", "lowarm"})
+ELBOW = frozenset({"elbow", "forearm", "lowerarm", "radius", "farm", "armlower", "lowarm", "loarm"})
 SHOULDER = frozenset({"upperarm", "uparm", "humerus", "shldr", "uarm", "armupper"})
 COLLAR = frozenset({"collar", "clavicle", "scapula"})
 PELVIS = frozenset({"pelvis", "hip", "hips"})
@@ -31,6 +32,14 @@ _GLUED = (
     | frozenset("leg arm shoulder hip hipjoint buttock ulna eye ear clav".split())
 )  # fmt: skip
 """Words to which exporters glue an l or an r."""
+
+
+def plain_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Return joint names without what all begin with up to a mark, as in ``Alex:Hips`` and ``Alex:Spine``."""
+    first, last = min(names), max(names)
+    same = next((at for at, pair in enumerate(zip(first, last, strict=False)) if len(set(pair)) > 1), len(first))
+    length = max(first[:same].rfind(mark) for mark in ":_|. ") + 1
+    return tuple(name[length:] for name in names) if len(names) > 1 else tuple(names)
 
 
 def split_name(name: str) -> tuple[int | None, frozenset[str]]:

@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.motion.joint_names import split_name
+from crowdsim.motion import quaternion
+from crowdsim.motion.joint_names import plain_names, split_name
 from crowdsim.motion.skeleton import Skeleton
 
 _ALIKE = 0.12
 """Share of a limb's longest bone by which the bones of its counterpart may differ."""
 _STRAIGHT = np.deg2rad(2.0)
 """A joint that never bends further than this is no elbow and no knee."""
+_FIXED, _ROTATES = np.deg2rad(0.1), np.deg2rad(5.0)
+"""Rotation against its parent below which a joint carries none, if another joint rotates by more than the second."""
 _PARTED = 0.4
 """A joint that only twists lies this share of a limb's longest bone or more from both its neighbours."""
 
@@ -26,10 +29,11 @@ class JointTree:
         children: Children of each joint.
         lengths: Length of the bone from each joint's parent; 0 at the root. Shape (J,).
         depth: Way from the root to each joint along the bones. Shape (J,).
-        names: Side and words of each joint's name.
+        names: Side and words of each joint's name, without a prefix that all have.
+        fixed: Which joints keep their rotation against their parents while others rotate. Shape (J,), bool.
     """
 
-    def __init__(self, skeleton: Skeleton, poses: Array | None) -> None:
+    def __init__(self, skeleton: Skeleton, poses: Array | None, rotations: Array | None = None) -> None:
         self.skeleton = skeleton
         self.poses = skeleton.rest_positions()[None] if poses is None or len(poses) == 0 else np.asarray(poses, float)
         self.parents = [int(parent) for parent in skeleton.parents]
@@ -41,7 +45,8 @@ class JointTree:
             if parent >= 0:
                 self.children[parent].append(joint)
                 self.depth[joint] = self.depth[parent] + self.lengths[joint]
-        self.names = [split_name(name) for name in skeleton.names]
+        self.names = [split_name(name) for name in plain_names(skeleton.names)]
+        self.fixed = _fixed(skeleton, rotations)
         self._reach = self.depth.copy()
         self._size = np.ones(len(self.parents), int)
         for joint in range(len(self.parents) - 1, 0, -1):
@@ -95,19 +100,11 @@ class JointTree:
         scale = max(float(self.lengths[joint]), 1e-9)
         return bool(len(ends) == 0 or np.linalg.norm(ends, axis=1).max() < 1e-3 * scale)
 
-    def _bends(self, before: int, joint: int, after: int) -> Array:
-        """How far the path before - joint - after departs from a straight line in each pose [rad]. Shape (n,)."""
-        into, out = self.poses[:, joint] - self.poses[:, before], self.poses[:, after] - self.poses[:, joint]
-        cross = np.linalg.norm(np.cross(into, out), axis=-1)
-        return np.asarray(np.arctan2(cross, np.sum(into * out, axis=-1)))
-
     def bend(self, before: int, joint: int, after: int) -> float:
         """The furthest that the path before - joint - after departs from a straight line [rad]."""
-        return float(self._bends(before, joint, after).max())
-
-    def hinge(self, before: int, joint: int, after: int) -> float:
-        """By how much the path before - joint - after opens and closes over the poses [rad]."""
-        return float(np.ptp(self._bends(before, joint, after)))
+        into, out = self.poses[:, joint] - self.poses[:, before], self.poses[:, after] - self.poses[:, joint]
+        cross = np.linalg.norm(np.cross(into, out), axis=-1)
+        return float(np.arctan2(cross, np.sum(into * out, axis=-1)).max())
 
     def limb(self, joint: int) -> list[int]:
         """The main chain without joints that part a bone in two: those on which it never bends, far from both ends."""
@@ -143,3 +140,14 @@ class JointTree:
     def path_length(self, start: int, end: int) -> float:
         """Length of the bones between two joints, through their nearest common ancestor."""
         return float(self.depth[start] + self.depth[end] - 2.0 * self.depth[self.common([start, end])])
+
+
+def _fixed(skeleton: Skeleton, rotations: Array | None) -> Array:
+    """Return which joints never rotate against their parents in some poses (n, J, 4) in which others do. Shape (J,)."""
+    if rotations is None or len(rotations) < 2:
+        return np.zeros(skeleton.joint_count, bool)
+    local = quaternion.multiply(quaternion.conjugate(rotations[:, skeleton.parents]), rotations)
+    local[:, skeleton.parents < 0] = rotations[:, skeleton.parents < 0]
+    dots = np.abs(np.sum(local * local[:1], axis=-1)).min(axis=0)
+    angles = 2.0 * np.arccos(np.clip(dots, 0.0, 1.0))
+    return np.asarray((angles < _FIXED) & (angles.max() > _ROTATES))

@@ -56,4 +56,6 @@ def foot_swing(tracks: Tracks, foot: int, size: float, fps: float) -> Swing:
         least_gain=_GAIN * size,
         raised=raised,
         stretched=np.linalg.norm(out, axis=1) > _STRETCHED * size,
+        opposite=np.ones(len(mine), bool),
+        near=np.inf,
     )

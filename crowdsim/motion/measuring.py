@@ -91,7 +91,7 @@ def measure_body(clip: Clip, roles: Mapping[str, int] | None = None) -> Body:
         MotionError: The skeleton is no human body.
     """
     if roles is None:
-        roles = find_roles(clip.skeleton, sample_poses(clip)[0])
+        roles = find_roles(clip.skeleton, *sample_poses(clip))
     if not roles or rests_like_a_body(clip.skeleton, roles):
         return build_body(clip.skeleton, roles)
     positions, rotations = sample_poses(clip)
@@ -121,14 +121,15 @@ def rests_like_a_body(skeleton: Skeleton, roles: Mapping[str, int]) -> bool:
     return True
 
 
-def human_roles(skeleton: Skeleton, poses: Array) -> dict[str, int]:
+def human_roles(skeleton: Skeleton, poses: Array, rotations: Array | None = None) -> dict[str, int]:
     """Return the roles of joints of what moves like a human; empty where it is no human body.
 
     Args:
         skeleton: The skeleton, in any unit and orientation.
         poses: Joint positions of some poses of its motion in the same unit. Shape (n, J, 3).
+        rotations: Rotations of the joints in the world in these poses. Shape (n, J, 4).
     """
-    roles = find_roles(skeleton, poses)
+    roles = find_roles(skeleton, poses, rotations)
     return roles if roles and _is_upright(skeleton, roles, poses) else {}
 
 

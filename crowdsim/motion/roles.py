@@ -20,19 +20,21 @@ _LEAST_JOINTS = 10
 _MOST_PAIRS = 12
 _UPPER_TO_LOWER = 1.1
 """Length of an upper arm or thigh over that of the lower arm or shank; a collar bone is shorter."""
-_HINGE = np.deg2rad(10.0)
-"""Where a joint of a limb opens and closes by more than this, those that hardly do are no elbow and no knee."""
+_SAME_PLACE = 0.02
+"""Share of a limb's length within which a left and a right joint lie in one place: both hang on the middle."""
 _MISFIT = 0.8
 """How far proportions may lie from a human's; arms and trunk of real and drawn people stay below 0.6."""
 
 
-def find_roles(skeleton: Skeleton, poses: Array | None = None) -> dict[str, int]:
+def find_roles(skeleton: Skeleton, poses: Array | None = None, rotations: Array | None = None) -> dict[str, int]:
     """Return the joint of each role that was found, by names first and by shape and symmetry where names fail.
 
     Args:
         skeleton: The skeleton, in any unit and orientation.
-        poses: Some poses as joint positions in the same unit, shape (n, J, 3), which distinguish left from right and
-            knees from twist joints where names do not; the rest pose when None.
+        poses: Some poses as joint positions in the same unit, shape (n, J, 3), which distinguish left from right where
+            names do not; the rest pose when None.
+        rotations: Rotations of the joints in the world in these poses, shape (n, J, 4): joints that carry none only
+            connect others.
 
     Returns:
         A joint for each role of ``crowdsim.motion.body.ROLES`` that the skeleton has. Head, hands and feet, and the
@@ -40,7 +42,7 @@ def find_roles(skeleton: Skeleton, poses: Array | None = None) -> dict[str, int]
     """
     if skeleton.joint_count < _LEAST_JOINTS:
         return {}
-    tree = JointTree(skeleton, poses)
+    tree = JointTree(skeleton, poses, rotations)
     named = _ends_by_name(tree)
     if named is not None:
         roles = _complete(tree, named)
@@ -205,16 +207,17 @@ def _complete(tree: JointTree, ends: dict[str, int]) -> dict[str, int]:
     pelvis = tree.common([ends["left_foot"], ends["right_foot"]])
     chest = tree.common([ends["left_hand"], ends["right_hand"], ends["head"]])
     roles = {"pelvis": _pelvis(tree, pelvis)}
-    for side in ("left", "right"):
-        for end, upper, middle, hub, words in (
-            ("foot", "hip", "knee", pelvis, (joint_names.HIP, joint_names.KNEE)),
-            ("hand", "shoulder", "elbow", chest, (joint_names.SHOULDER, joint_names.ELBOW)),
-        ):
-            chain = tree.path(ends[f"{side}_{end}"])
-            chain = chain[chain.index(hub) + 1 :]
-            if len(chain) < 3:
-                return {}
-            top, mid = _two_bones(tree, chain, *words)
+    for end, upper, middle, hub, words in (
+        ("foot", "hip", "knee", pelvis, (joint_names.HIP, joint_names.KNEE)),
+        ("hand", "shoulder", "elbow", chest, (joint_names.SHOULDER, joint_names.ELBOW)),
+    ):
+        chains = [tree.path(ends[f"{side}_{end}"]) for side in ("left", "right")]
+        chains = [chain[chain.index(hub) + 1 :] for chain in chains]
+        if min(map(len, chains)) < 3:
+            return {}
+        connectors = _connectors(tree, *chains)
+        for side, chain in zip(("left", "right"), chains, strict=True):
+            top, mid = _two_bones(tree, chain, connectors, *words)
             roles[f"{side}_{upper}"], roles[f"{side}_{middle}"] = top, mid
             roles[f"{side}_{end}"] = chain[-1]
     for side in ("left", "right"):
@@ -253,34 +256,48 @@ def _trunk(tree: JointTree, roles: dict[str, int], head: int, chest: int) -> dic
     return roles
 
 
+def _connectors(tree: JointTree, left: list[int], right: list[int]) -> set[int]:
+    """Joints of a pair of limbs that only connect others: they carry no rotation, or both lie in one place."""
+    found = {joint for joint in (*left, *right) if tree.fixed[joint]}
+    reach = float(tree.depth[left[-1]] - tree.depth[tree.parents[left[0]]])
+    for pair in zip(left, right, strict=False):
+        if np.linalg.norm(tree.poses[:, pair[0]] - tree.poses[:, pair[1]], axis=-1).max() > _SAME_PLACE * reach:
+            break
+        found.update(pair)
+    return found
+
+
 def _two_bones(
-    tree: JointTree, chain: list[int], upper_words: frozenset[str], middle_words: frozenset[str]
+    tree: JointTree,
+    chain: list[int],
+    connectors: set[int],
+    upper_words: frozenset[str],
+    middle_words: frozenset[str],
 ) -> tuple[int, int]:
     """Top and middle joint of a limb whose chain ends at the wrist or ankle, by name if that fits, else by length."""
-    own = [joint for joint in chain[:-1] if not tree.words(joint) & joint_names.AUXILIARY]
-    end = tree.depth[chain[-1]]
-    fits = [joint for joint in own[1:] if tree.words(joint) & middle_words]
-    if fits:
-        middle = fits[0]
+
+    def preferred(joints: list[int], words: frozenset[str] | None = None) -> list[int]:
+        own = [joint for joint in joints if not tree.words(joint) & joint_names.AUXILIARY]
+        own = own if words is None else [joint for joint in own if tree.words(joint) & words]
+        return [joint for joint in own if joint not in connectors] or own
+
+    middles = preferred(chain[1:-1], middle_words)[:1]
+    if middles:
+        before = chain[: chain.index(middles[0])]
+        tops = preferred(before, upper_words)[:1] or preferred(before)
     else:
-        inner = [joint for joint in chain[1:-1] if joint in own] or chain[1:-1]
-        hinges = [tree.hinge(*chain[at - 1 : at + 2]) for at in map(chain.index, inner)]
-        if max(hinges) > _HINGE:
-            inner = [joint for joint, hinge in zip(inner, hinges, strict=True) if hinge > 0.2 * max(hinges)]
-        # The two bones of a limb are about as long as one another, so the middle joint parts the chain best.
-        middle = max(inner, key=lambda joint: min(tree.depth[joint] - tree.depth[chain[0]], end - tree.depth[joint]))
-    before = chain[: chain.index(middle)]
-    named = [joint for joint in before if tree.words(joint) & upper_words and joint in own]
-    if named:
-        return named[0], middle
-    tops = [joint for joint in before if joint in own and not tree.words(joint) & joint_names.COLLAR] or before
-    lower = max(float(end - tree.depth[middle]), 1e-9)
+        middles = preferred(chain[1:-1]) or chain[1:-1]
+        tops = preferred(chain[:-2], upper_words)[:1] or preferred(chain[:-2])
+    tops = [joint for joint in tops if not tree.words(joint) & joint_names.COLLAR] or tops or chain[:-2]
+    end = tree.depth[chain[-1]]
 
-    def unlike(joint: int) -> float:
-        upper = max(float(tree.depth[middle] - tree.depth[joint]), 1e-9)
-        return round(abs(float(np.log(upper / lower / _UPPER_TO_LOWER))), 6)
+    def unlike(pair: tuple[int, int]) -> tuple[float, float]:
+        upper, lower = max(tree.depth[pair[1]] - tree.depth[pair[0]], 1e-9), max(end - tree.depth[pair[1]], 1e-9)
+        # Of joints in one place the last one carries the bone.
+        return round(abs(float(np.log(upper / lower / _UPPER_TO_LOWER))), 6), -chain.index(pair[0])
 
-    return min(tops[::-1], key=unlike), middle
+    pairs = [(top, middle) for top in tops for middle in middles if chain.index(top) < chain.index(middle)]
+    return min(pairs or [(chain[0], middles[0])], key=unlike)
 
 
 def _toe(tree: JointTree, foot: int) -> int | None:

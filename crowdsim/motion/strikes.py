@@ -24,6 +24,20 @@ MINIMUM_SPEED = 2.3
 """Lowest speed of a striking fist relative to the pelvis, for a body of ``HEIGHT`` [m/s]."""
 MINIMUM_GAIN = 0.25
 """How much further out than before the swing a fist must reach, for a body of ``HEIGHT`` [m]."""
+_NEAR = 0.48
+"""How near to the middle between the shoulders a fist is before it strikes, for a body of ``HEIGHT`` [m]."""
+_STEADY, _BEFORE, _TURN = 0.3, 0.25, np.deg2rad(45.0)
+"""Where the opponent is: where the body faces, smoothed by a Gaussian of this deviation [s], since trunks turn with
+hooks; or where it faced that long before [s], if it turns by less than this angle: some turn away as they strike."""
+_AHEAD, _ASIDE, _AHEAD_SOON, _ASIDE_SOON, _ON = 0.06, np.deg2rad(86.0), 0.14, np.deg2rad(66.0), 0.15
+"""Least distance ahead of the shoulders, for a body of ``HEIGHT`` [m], and greatest angle to the opponent, of a fist at
+its furthest reach, and within some time after it [s]: fists of hooks go on ahead, arms that are spread stay aside."""
+_BESIDE = np.deg2rad(75.0)
+"""Greatest angle to where the trunk faces within that time: one spins with its arms spread, and strikes nothing."""
+_RESOLVED = 30.0
+"""Frames a second from which on it is known where a strike ends; at fewer, a fist moves half an arm between two."""
+_OVER_HEAD = 0.25
+"""How far above the centre of the own head a strike may end, for a body of ``HEIGHT`` [m]; the hips are the lowest."""
 
 REASONS = {
     Rejection.NO_REACH: "its reach comes to no maximum",
@@ -31,6 +45,8 @@ REASONS = {
     Rejection.SHORT: f"it gets less than {MINIMUM_GAIN:g} m further out",
     Rejection.REPEATED: "a faster one is less than 0.2 s away",
     Rejection.BENT: "a raised leg stays bent",
+    Rejection.FAR: f"it begins further than {_NEAR:g} m from the shoulders",
+    Rejection.AWAY: "it ends aside, behind, below the hips or overhead, where no opponent stands",
 }
 """What each rejection means; lengths are those of a fist of a body of ``HEIGHT``."""
 
@@ -57,7 +73,7 @@ def describe_strikes_needed(height: float) -> str:
     size = height / HEIGHT
     return (
         f"a strike is a fist that moves at {MINIMUM_SPEED * size:.1f} m/s or more relative to the pelvis "
-        f"and then reaches {MINIMUM_GAIN * size:.2f} m or more further out"
+        f"and then reaches {MINIMUM_GAIN * size:.2f} m or more further out, ahead of the body"
     )
 
 
@@ -114,14 +130,43 @@ def fist_swing(tracks: Tracks, hand: int, size: float, fps: float) -> Swing:
         least_gain=MINIMUM_GAIN * size,
         raised=everywhere,
         stretched=everywhere,
+        opposite=_opposite(tracks, hand, size, fps) if fps >= _RESOLVED else everywhere,
+        near=_NEAR * size,
     )
+
+
+def _opposite(tracks: Tracks, hand: int, size: float, fps: float) -> Array:
+    """Return where a fist at its furthest reach goes to where an opponent could stand. Shape (F,), bool."""
+    from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
+    fist, centre = tracks.fists[:, hand], tracks.shoulders.mean(axis=1)
+    trunk = tracks.ground[:, 2]
+    steady = gaussian_filter1d(trunk, _STEADY * fps, mode="nearest")
+    before = steady[np.maximum(np.arange(len(steady)) - round(_BEFORE * fps), 0)]
+    count = max(1, round(_ON * fps))
+
+    def soon(where: Array) -> Array:
+        found = maximum_filter1d(where, count + 1, origin=-((count + 1) // 2), mode="constant", cval=False)
+        return np.asarray(found)
+
+    def seen(heading: Array) -> tuple[Array, Array]:
+        across, _, ahead = ground.to_local(np.stack([centre[:, 0], centre[:, 2], heading], axis=1), fist).T
+        return ahead / size, np.arctan2(np.abs(across), ahead)
+
+    met = np.zeros(len(fist), bool)
+    for heading in (steady, np.where(np.abs(before - steady) < _TURN, before, steady)):
+        ahead, aside = seen(heading)
+        met |= (ahead > _AHEAD) & (aside < _ASIDE) & soon((ahead > _AHEAD_SOON) & (aside < _ASIDE_SOON))
+    height = fist[:, 1]
+    met &= (height > tracks.pelvises[:, 1]) & (height < tracks.heads[:, 1] + _OVER_HEAD * size)
+    return np.asarray(met & soon(seen(trunk)[1] < _BESIDE))
 
 
 def find_strikes(tracks: Tracks, height: float, fps: float, limbs: Sequence[int] = HANDS) -> Strikes:
     """Find the strikes of some limbs.
 
     A strike is a peak of the limb's speed relative to the pelvis, after which its reach comes to a local maximum that
-    lies well beyond where the swing began (``fist_swing``, ``kicks.foot_swing``, ``judge_swings``).
+    lies well beyond where the swing began, ahead of the body (``fist_swing``, ``kicks.foot_swing``, ``judge_swings``).
 
     Args:
         tracks: Paths of the body's points.

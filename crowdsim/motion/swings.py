@@ -33,6 +33,10 @@ class Rejection(IntEnum):
     """A faster strike of the same limb is too near in time to be another one."""
     BENT = 4
     """The leg is raised, but does not stretch: a knee that is lifted is no kick."""
+    FAR = 5
+    """The fist begins far from the body: an arm that swings, and does not strike."""
+    AWAY = 6
+    """The fist ends where no opponent could stand: aside, behind the body, below the hips or over the head."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,8 @@ class Swing:
         least_gain: How much further out than before the swing it must reach [m].
         raised: Where a strike may reach furthest: movements that end elsewhere are none, however fast. Shape (F,).
         stretched: Where the limb is stretched enough for a strike. Shape (F,).
+        opposite: Where a strike that reaches furthest in a frame goes to where an opponent could stand. Shape (F,).
+        near: How far out it may be where the swing begins [m].
     """
 
     speed: Array
@@ -54,6 +60,8 @@ class Swing:
     least_gain: float
     raised: Array
     stretched: Array
+    opposite: Array
+    near: float
 
 
 def judge_swings(swing: Swing, fps: float) -> tuple[list[tuple[int, int]], list[tuple[int, Rejection]]]:
@@ -103,9 +111,14 @@ def _judge(peak: int, swing: Swing, fps: float) -> int | Rejection | None:
     if not swing.raised[frame]:
         return None
     began = max(0, peak - round(_BEFORE * fps))
-    if swing.reach[frame] - swing.reach[began : peak + 1].min() < swing.least_gain:
+    start = swing.reach[began : peak + 1].min()
+    if swing.reach[frame] - start < swing.least_gain:
         return Rejection.SHORT
-    return frame if swing.stretched[frame] else Rejection.BENT
+    if start > swing.near:
+        return Rejection.FAR
+    if not swing.stretched[frame]:
+        return Rejection.BENT
+    return frame if swing.opposite[frame] else Rejection.AWAY
 
 
 def _furthest(peak: int, swing: Swing, fps: float) -> int | Rejection:

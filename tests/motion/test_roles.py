@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from animals import ANIMALS, export_animal
@@ -11,7 +13,7 @@ from exporters import UPS, Export, export_motion
 from crowdsim.bvh.io import to_clip
 from crowdsim.motion.joint_names import split_name
 from crowdsim.motion.joint_tree import JointTree
-from crowdsim.motion.measuring import human_roles, sample_poses
+from crowdsim.motion.measuring import human_roles, measure_body, sample_poses
 from crowdsim.motion.roles import find_roles, misfit
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.performer.session import perform
@@ -36,11 +38,47 @@ def boxer():
 def test_every_joint_that_plays_a_role_is_found(boxer, how, export):
     clip = to_clip(export_motion(*boxer, how, EXPORTS[export]))
     found = {
-        role: clip.skeleton.names[joint] for role, joint in human_roles(clip.skeleton, sample_poses(clip)[0]).items()
+        role: clip.skeleton.names[joint] for role, joint in human_roles(clip.skeleton, *sample_poses(clip)).items()
     }
     for role, name in how.roles.items():
         assert found[role] == name, role
     assert {role for role in found if "toe" in role} == {role for role in how.roles if "toe" in role}
+
+
+@pytest.mark.parametrize("named", [True, False])
+@pytest.mark.parametrize("rest", ["T", "bones"])
+@pytest.mark.parametrize("how", CONVENTIONS, ids=lambda how: how.name)
+def test_roles_are_those_of_the_skeleton_whatever_part_of_a_motion_a_file_holds(boxer, how, rest, named):
+    found = []
+    for frames in (slice(None), slice(0, 20), slice(50, 51), slice(200, 260)):
+        clip = to_clip(export_motion(*boxer, how, Export(rest=rest, frames=frames)))
+        if not named:
+            names = tuple(f"n{joint}" for joint in range(clip.skeleton.joint_count))
+            clip = replace(clip, skeleton=replace(clip.skeleton, names=names))
+        found.append(human_roles(clip.skeleton, *sample_poses(clip)))
+    assert all(one == found[0] for one in found[1:])
+
+
+def test_a_connector_that_never_rotates_is_no_hip_even_where_it_lies_aside(boxer):
+    how = next(how for how in CONVENTIONS if how.name == "connectors")
+    clip = to_clip(export_motion(*boxer, how, Export(scale=1.0)))
+    # Connectors that lie apart are known by their rotations alone.
+    offsets = clip.skeleton.offsets.copy()
+    for side, sign in (("L", 1.0), ("R", -1.0)):
+        joint = clip.skeleton.names.index(f"__UpLeg_{side}")
+        offsets[joint] += [0.06 * sign, 0.0, 0.0]
+        offsets[joint + 1] -= [0.06 * sign, 0.0, 0.0]
+    skeleton = replace(clip.skeleton, offsets=offsets)
+    roles = human_roles(skeleton, *sample_poses(clip))
+    assert skeleton.names[roles["left_hip"]] == "UpLeg_L"
+    assert measure_body(clip).height == pytest.approx(measure_body(boxer[0]).height, abs=0.01)
+
+
+def test_a_prefix_that_all_joints_have_says_nothing(boxer):
+    clip, roles = boxer
+    for prefix in ("Alex:", "Ball_", "Left_", "Foot|Hand:"):
+        names = tuple(prefix + name for name in clip.skeleton.names)
+        assert find_roles(replace(clip.skeleton, names=names)) == roles
 
 
 @pytest.mark.parametrize("along_x", [False, True])
@@ -48,7 +86,7 @@ def test_every_joint_that_plays_a_role_is_found(boxer, how, export):
 @pytest.mark.parametrize("name", ANIMALS)
 def test_no_animal_is_taken_for_a_human(name, frames, along_x):
     clip = to_clip(export_animal(ANIMALS[name], frames, along_x=along_x))
-    assert human_roles(clip.skeleton, sample_poses(clip)[0]) == {}
+    assert human_roles(clip.skeleton, *sample_poses(clip)) == {}
 
 
 @pytest.mark.parametrize(
@@ -92,7 +130,7 @@ def test_left_and_right_without_names_follow_the_heading_of_the_body(boxer):
     how = next(how for how in CONVENTIONS if how.name == "flat")
     for heading in (0.0, 1.6, 3.1, -1.6):
         clip = to_clip(export_motion(*boxer, how, Export(heading=heading)))
-        roles = human_roles(clip.skeleton, sample_poses(clip)[0])
+        roles = human_roles(clip.skeleton, *sample_poses(clip))
         assert clip.skeleton.names[roles["left_foot"]] == "joint3a"
         assert clip.skeleton.names[roles["right_hand"]] == "joint10b"
 

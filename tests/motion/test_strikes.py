@@ -114,6 +114,62 @@ def test_fast_swings_that_are_no_strikes_are_kept_with_the_reason():
     assert {reason for _, reason in _rejections(leaving)} == {Rejection.NOT_ARRIVED}
 
 
+def _swung(start: list[float], end: list[float], seconds: float = 0.2) -> np.ndarray:
+    """A left fist that goes from one place to another, is there at 1.5 s and stays. Shape (F, 3)."""
+    share = np.clip((TIMES - 1.5 + seconds) / seconds, 0.0, 1.0)
+    share = share * share * (3.0 - 2.0 * share)
+    return np.array(start) + share[:, None] * (np.array(end) - np.array(start))
+
+
+GUARD = [0.12, 1.4, 0.2]
+
+
+@pytest.mark.parametrize("end", [[0.1, 1.5, 0.65], [-0.1, 1.1, 0.55], [0.45, 1.45, 0.4], [0.1, 1.75, 0.4]])
+def test_a_fist_that_goes_ahead_to_the_head_or_the_body_strikes(end):
+    assert len(find_strikes(_tracks(_swung(GUARD, end), REST), 1.75, FPS).frames) == 1
+
+
+@pytest.mark.parametrize(
+    "end",
+    [[0.85, 1.45, 0.0], [0.82, 1.45, 0.25], [0.3, 1.0, -0.3], [0.35, 1.0, 0.0], [0.25, 0.75, 0.3], [0.3, 2.1, 0.2]],
+    ids=["to_a_t", "to_a_t_a_little_ahead", "behind", "beside_the_hip", "below_the_hips", "overhead"],
+)
+def test_arms_that_are_spread_drop_or_rise_over_the_head_do_not_strike(end):
+    assert {reason for _, reason in _rejections(_swung(GUARD, end))} == {Rejection.AWAY}
+
+
+def test_an_arm_that_swings_far_from_the_body_does_not_strike():
+    swing = _swung([0.3, 0.95, 0.15], [0.3, 1.45, 0.85], 0.3)
+    assert {reason for _, reason in _rejections(swing)} == {Rejection.FAR}
+
+
+def test_arms_spread_by_a_body_that_spins_do_not_strike():
+    tracks = _tracks(_swung(GUARD, [0.8, 1.45, 0.2]), REST)
+    angle = 6.0 * TIMES
+    cos, sin = np.cos(angle), np.sin(angle)
+
+    def spun(points: np.ndarray) -> np.ndarray:
+        c, s = (one.reshape((-1,) + (1,) * (points.ndim - 2)) for one in (cos, sin))
+        return np.stack(
+            [points[..., 0] * c + points[..., 2] * s, points[..., 1], points[..., 2] * c - points[..., 0] * s], axis=-1
+        )
+
+    spinning = {name: spun(getattr(tracks, name)) for name in ("fists", "shoulders", "heads", "necks", "pelvises")}
+    heading = np.stack([0.0 * angle, 0.0 * angle, angle], axis=1)
+    found = find_strikes(replace(tracks, ground=heading, **spinning), 1.75, FPS)
+    assert len(found.frames) == 0
+    assert Rejection.AWAY in found.rejected.reasons
+
+
+def test_no_swing_of_the_performer_ends_away_from_his_opponent():
+    for performance in perform(60.0, 5):
+        clip = performance.clip
+        body = measure_body(clip)
+        found = find_strikes(build_tracks(body, *clip_kinematics(clip)), body.height, clip.fps)
+        assert len(found.frames)
+        assert not np.isin(found.rejected.reasons, [Rejection.AWAY, Rejection.FAR]).any()
+
+
 def test_of_two_swings_too_close_to_be_two_strikes_the_slower_is_rejected_as_repeated():
     shares = np.interp(TIMES, [0.0, 1.3, 1.4, 1.42, 1.5, 2.2], [0.0, 0.0, 0.62, 0.6, 1.0, 0.0])
     fist = np.array([0.1, 1.4, 0.1]) + shares[:, None] * np.array([0.0, 0.0, 0.7])
