@@ -15,7 +15,7 @@ from crowdsim.core.types import Array
 from crowdsim.policy.policy import Policy
 from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
-from crowdsim.take.poses import PoseSampler
+from crowdsim.poses.sampler import PoseSampler
 
 ON_FLOOR = 0.03
 """Height of the ball of a foot under which it is on the floor [m]."""

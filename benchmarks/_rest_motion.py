@@ -17,7 +17,7 @@ from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy.policy import Policy
 from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
-from crowdsim.take.poses import PoseSampler
+from crowdsim.poses.sampler import PoseSampler
 
 ROUND = 6.0
 """Seconds that avatars fight, and rest, in turns."""

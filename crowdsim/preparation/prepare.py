@@ -12,10 +12,11 @@ import numpy as np
 
 from crowdsim import assets
 from crowdsim.core.types import FileName, Progress
+from crowdsim.crowd.record import Cast
 from crowdsim.errors import RecipeError, RunError
 from crowdsim.machine import available_memory
 from crowdsim.scenario.scenario import Scenario
-from crowdsim.take.data import Cast, TakeHeader
+from crowdsim.take.header import TakeHeader
 
 if TYPE_CHECKING:
     from crowdsim.crowd.crowd import Crowd

@@ -15,8 +15,8 @@ from crowdsim.export.stream import stream_poses
 from crowdsim.preparation.prepare import load_policies
 from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
-from crowdsim.take.data import TakeHeader
-from crowdsim.take.poses import PoseSampler
+from crowdsim.take.header import TakeHeader
+from crowdsim.poses.sampler import PoseSampler
 from crowdsim.take.store import TakeWriter
 
 FPS = 30.0
