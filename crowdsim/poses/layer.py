@@ -66,16 +66,21 @@ class Layer:
         reach: How far around its time a pose reads the take for it [s].
         needs: Which layers of other avatars it reads: each stands for itself and all layers before it. A layer that
             reads itself does so one hop further on.
+        looks: How long before and after its time it reads them [s].
         hops: Up to how many hops away it counts.
     """
 
     name: ClassVar[str]
     reach: ClassVar[float] = 0.0
     needs: ClassVar[tuple[str, ...]] = ()
+    looks: ClassVar[tuple[float, float]] = (0.0, 0.0)
     hops: ClassVar[int] = EVERYWHERE
 
     def __init__(self, poser: Poser) -> None:
         self.poser = poser
+
+    def prepare(self, avatars: Array, first: float, last: float) -> None:
+        """Find out at once what many parts need to know of avatars (n,), ascending, from a time to another one [s]."""
 
     def plan(self, part: Part) -> Any:
         """Return what ``apply`` and later layers need to know of a part of the take."""

@@ -19,7 +19,7 @@ from crowdsim.poses.layer import Block, Layer, Part, Reader
 from crowdsim.poses.layers import LAYERS
 from crowdsim.poses.layers.blend import Blend
 from crowdsim.poses.motion import PoseMotion
-from crowdsim.poses.neighbours import tiles
+from crowdsim.poses.neighbours import near_avatars, tiles
 from crowdsim.poses.window import Window
 
 Joints = tuple[Array, Body, Array, Array, Array]
@@ -61,6 +61,13 @@ class Poser:
         self._places = {kind.name: place for place, kind in enumerate(kinds)}
         self.layers = {kind.name: kind(self) for kind in kinds}
         self._last = kinds[-1].name
+        # How long before and after a time layers of others are read, one by way of another.
+        self._read = {name: (0.0, 0.0) for name in self.layers}
+        for name, layer in reversed(self.layers.items()):
+            for other in list(self.layers)[: max((self._places[need] for need in layer.needs), default=-1) + 1]:
+                if other != name:
+                    ways = zip(self._read[other], self._read[name], layer.looks, strict=True)
+                    self._read[other] = tuple(max(known, on + more) for known, on, more in ways)
 
     def part(
         self,
@@ -138,12 +145,11 @@ class Poser:
         """Pose avatars (n,), ascending, at the same times (T,), some at once, with the layers up to one of them."""
         owners, at_once = self.take.cast.policies[avatars], max(1, POSES_AT_ONCE // max(len(times), 1))
         for policy in np.unique(owners):
-            mine = np.flatnonzero(owners == policy)
-            for low in range(0, len(mine), at_once):
-                which = mine[low : low + at_once]
-                moments = Moments(np.arange(len(which)), times[:, None])
-                part = self.part(int(policy), avatars[which], moments, through, hops, without)
-                yield Block(which, part, self.pose(part))
+            # Those near one another read the same others.
+            for some in tiles(self.take, avatars[owners == policy], self._frame_at(times), at_once):
+                moments = Moments(np.arange(len(some)), times[:, None])
+                part = self.part(int(policy), some, moments, through, hops, without)
+                yield Block(np.searchsorted(avatars, some), part, self.pose(part))
 
     def captured(self, avatars: Array, times: Array) -> Iterator[Block]:
         """Pose avatars (n,), ascending, at the same times (T,), as they were captured, some at once."""
@@ -157,8 +163,7 @@ class Poser:
         """Pose avatars (n,), ascending, at the same times (T,), ascending, as they are shown; some at once."""
         if not len(times) or not len(avatars):
             return
-        frame = min(int(times[len(times) // 2] * self.take.control_rate), self.take.frame_count - 1)
-        for some in tiles(self.take, avatars, frame, max(_TOGETHER // (len(times) + _AROUND), 1)):
+        for some in tiles(self.take, avatars, self._frame_at(times), max(_TOGETHER // (len(times) + _AROUND), 1)):
             which = np.searchsorted(avatars, some)
             for block in self._sample(some, times, without):
                 yield block._replace(which=which[block.which])
@@ -171,6 +176,7 @@ class Poser:
         for _, reader in reversed(readers):
             stages.insert(0, reader.lacking(*stages[0]))
         starts = [*(names.index(name) for name, _ in readers), len(names)]
+        self._prepare(*stages[0])
         blocks = list(self.stretch(*stages[0], names[starts[0] - 1], without=without))
         for place, (_, reader) in enumerate(readers):
             now, then, added = stages[place], stages[place + 1], names[starts[place] : starts[place + 1]]
@@ -180,6 +186,20 @@ class Poser:
                 block.part.layers += added
                 self._add(block.part, added, block.poses)
         return blocks
+
+    def _prepare(self, avatars: Array, times: Array) -> None:
+        """Let layers plan at once what is read of avatars (n,) and of those around them about times (T,)."""
+        rate, last = self.take.control_rate, self.take.frame_count - 1
+        rows = np.clip([times[0] * rate, times[-1] * rate + 1.0], 0, last).astype(int)
+        near = near_avatars(self.take, avatars, rows[0], rows[1] + 1)
+        for name, layer in self.layers.items():
+            before, after = self._read[name]
+            first, stop = max(float(times[0]) - before, 0.0), min(float(times[-1]) + after, last / rate)
+            layer.prepare(near, first, max(stop, first))
+
+    def _frame_at(self, times: Array) -> int:
+        """The control frame in the middle of times (T,)."""
+        return min(int(times[len(times) // 2] * self.take.control_rate), self.take.frame_count - 1)
 
     def _add(self, part: Part, names: Sequence[str], poses: Posed) -> None:
         """Add layers to poses, in place."""

@@ -12,7 +12,7 @@ from crowdsim.crowd.record import TakeData
 from crowdsim.motion.strikes import HANDS
 from crowdsim.poses.contacts import PoseAt, body_points, find_surfaces, strikes_near, within
 from crowdsim.poses.hits import TOGETHER, Landed, by_column
-from crowdsim.poses.kernels.fists import ELBOW_LEAST, JOINTS, Landings, carry_fists
+from crowdsim.poses.kernels.fists import ELBOW_LEAST, JOINTS, LEAN, Landings, carry_fists
 from crowdsim.poses.kernels.records import Posed
 from crowdsim.poses.layer import Layer, Part
 from crowdsim.poses.motion import PoseMotion
@@ -27,6 +27,7 @@ class Fists(Layer):
 
     name = "fists"
     needs = ("reactions", "fists")
+    looks = LEAN + TOGETHER, LEAN + TOGETHER
     hops = 2
 
     def plan(self, part: Part) -> Landings:

@@ -12,10 +12,11 @@ from crowdsim.core.workers import share
 from crowdsim.crowd.record import TakeData
 from crowdsim.motion.strikes import HANDS
 from crowdsim.poses.contacts import PoseAt, body_points, find_surfaces, strikes_near, within
-from crowdsim.poses.hits import Landed, by_column
+from crowdsim.poses.hits import TOGETHER, Landed, by_column
 from crowdsim.poses.kernels.blending import BLEND
 from crowdsim.poses.kernels.columns import AFTER, BEFORE, BEGIN, END
 from crowdsim.poses.kernels.feet import KNEE_LEAST
+from crowdsim.poses.kernels.fists import LEAN
 from crowdsim.poses.kernels.kicks import CarriedFeet, carry_feet
 from crowdsim.poses.kernels.records import FootPlants, Posed
 from crowdsim.poses.layer import Layer, Part
@@ -40,6 +41,7 @@ class Kicks(Layer):
     name = "kicks"
     reach = BLEND
     needs = ("reactions", "fists")
+    looks = LEAN + TOGETHER, LEAN + TOGETHER
     hops = 2
 
     def plan(self, part: Part) -> CarriedFeet | None:

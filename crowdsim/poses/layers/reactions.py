@@ -60,22 +60,25 @@ class Reactions(Layer):
 
     name = "reactions"
     needs = ("separation",)
+    looks = (ROUNDS + 1) * LENGTH + _KICK, RISE
 
     def __init__(self, poser: Poser) -> None:
         super().__init__(poser)
         self._trunks = [build_trunk(motion) for motion in poser.motions]
         self._planner: BlowPlanner | None = None
 
+    def prepare(self, avatars: Array, first: float, last: float) -> None:
+        """Find out about what hits avatars."""
+        if self.poser.reactions:
+            columns = np.full(self.poser.take.avatar_count, -1)
+            columns[avatars] = np.arange(len(avatars))
+            self._known().plan(columns, len(avatars), first, last)
+
     def plan(self, part: Part) -> Blows | None:
         """Return what hits avatars; None where nothing shows."""
-        poser = self.poser
-        if not poser.reactions:
+        if not self.poser.reactions:
             return None
-        if self._planner is None or self._planner.landed is not poser.landed:
-            falls = partial(falls_soon, poser.take, poser.motions)
-            pose_at = partial(poser.joints, through=self.needs[0], hops=part.hops + 1)
-            self._planner = BlowPlanner(poser.landed, pose_at, self._trunks, poser.take.cast.policies, falls)
-        blows = self._planner.plan(part.window.columns(), len(part.window.avatars), *part.span)
+        blows = self._known().plan(part.window.columns(), len(part.window.avatars), *part.span)
         return blows if len(blows.times) else None
 
     def apply(self, part: Part, poses: Posed) -> None:
@@ -84,6 +87,15 @@ class Reactions(Layer):
         if blows is not None:
             share(len(part.moments.columns), show_reactions, part.moments, blows, trunk, recent, poses,
                   threads=part.window.threads)  # fmt: skip
+
+    def _known(self) -> BlowPlanner:
+        """What is known of the strikes that land."""
+        poser = self.poser
+        if self._planner is None or self._planner.landed is not poser.landed:
+            falls = partial(falls_soon, poser.take, poser.motions)
+            pose_at = partial(poser.joints, through=self.needs[0], hops=1)
+            self._planner = BlowPlanner(poser.landed, pose_at, self._trunks, poser.take.cast.policies, falls)
+        return self._planner
 
 
 class BlowPlanner:

@@ -62,6 +62,10 @@ class Separation(Layer):
         self._radii[:, 1:] *= np.asarray(take.cast.widths, float)[:, None, None]
         self.pushes = Kept(take.frame_count, take.control_rate, take.avatar_count, (2,), self._find)
 
+    def prepare(self, avatars: Array, first: float, last: float) -> None:
+        """Find how far avatars give way."""
+        self.pushes.rows(self.pushes.around(first, last), avatars)
+
     def plan(self, part: Part) -> Offsets:
         """Return how far trunks give way, x and z [m]."""
         return self.pushes.track(*part.span, part.window.avatars)
