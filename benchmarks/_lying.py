@@ -15,9 +15,9 @@ from _exported_capsules import capsule_depths
 from crowdsim.core.types import Array
 from crowdsim.motion import quaternion
 from crowdsim.motion.database import MotionDatabase
-from crowdsim.take.capsules import PosedBodies, capsule_order, place_capsules
-from crowdsim.take.kernels.records import Moments
-from crowdsim.take.poses import Poses, PoseSampler
+from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules
+from crowdsim.poses.kernels.records import Moments
+from crowdsim.poses.sampler import Poses, PoseSampler
 
 FPS = 20.0
 """Measured frames a second."""

@@ -13,8 +13,8 @@ from crowdsim.core.types import Array
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.take.kernels.records import Moments
-from crowdsim.take.poses import PoseSampler
+from crowdsim.poses.kernels.records import Moments
+from crowdsim.poses.sampler import PoseSampler
 
 PARTS = {
     "legs": ("hip", "knee", "foot", "ball"),

@@ -17,7 +17,7 @@ from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.policy.alignment import align_transitions
 from crowdsim.policy.policy import Policy
 from crowdsim.policy.rewards import target_body
-from crowdsim.take.poses import PoseSampler
+from crowdsim.poses.sampler import PoseSampler
 from crowdsim.take.take import Cast, Events, Take
 
 APART = 0.5
@@ -69,7 +69,7 @@ def made(
     rate, stride = database.playback_rate, database.stride
     numbers = np.arange(take.avatar_count)
     window = sampler.window(0, numbers, np.array([0.0, take.seconds]))
-    transitions = window.transitions()
+    transitions = window.transitions
     leave, enter, centre = (
         transitions.before // stride,
         transitions.after // stride,

@@ -34,8 +34,8 @@ from crowdsim.export.pointcloud import CloudSink, export_clouds
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import build_body
 from crowdsim.performer.session import perform
-from crowdsim.take.builds import joint_segments
-from crowdsim.take.poses import Poses
+from crowdsim.poses.builds import joint_segments
+from crowdsim.poses.sampler import Poses
 
 AVATARS = 30
 POINTS = 500

@@ -25,8 +25,8 @@ from crowdsim.core.workers import CORES
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
-from crowdsim.take.kernels.limbs import World, bend_limb
-from crowdsim.take.limbs import Limbs
+from crowdsim.poses.kernels.limbs import World, bend_limb
+from crowdsim.poses.limbs import Limbs
 
 PARENTS = [-1, 0, 1, 2, 3, 0, 5, 6, 7, 0, 9, 10, 11, 11, 13, 11, 15, 16, 17, 18, 19, 17, 11, 22, 23, 24, 25, 26, 24, 14]
 PARENTS.append(14)

@@ -53,9 +53,9 @@ from _transition_judge import NOISE, judge, mean_of
 from _transition_windows import alone, made, usable, without_strikes
 
 from crowdsim.policy.policy import Policy
+from crowdsim.poses.sampler import PoseSampler
 from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
-from crowdsim.take.poses import PoseSampler
 from crowdsim.take.take import Take
 from crowdsim.training.train import ready_policy
 
@@ -99,7 +99,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
             sampler = without_strikes(take, policy)
             leave, enter, shown, apart = made(sampler, half, options.windows, np.random.default_rng(seed))
             fighters, seconds = sampler.take.avatar_count, sampler.take.seconds
-            transitions = sampler.window(0, np.arange(fighters), np.array([0.0, seconds])).transitions()
+            transitions = sampler.window(0, np.arange(fighters), np.array([0.0, seconds])).transitions
             brawls.append(
                 {
                     "transitions_per_second": len(transitions.times) / (fighters * seconds),

@@ -31,7 +31,7 @@ from crowdsim.motion.measuring import measure_clips
 from crowdsim.performer.session import perform
 from crowdsim.policy.alignment import align_actions
 from crowdsim.policy.rewards import target_body
-from crowdsim.take.poses import PoseSampler
+from crowdsim.poses.sampler import PoseSampler
 from crowdsim.take.take import Cast, Events, Take
 
 JOINTS = 31

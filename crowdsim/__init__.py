@@ -29,7 +29,7 @@ _LAZY = {
     "RecipeError": "crowdsim.errors",
     "ScenarioError": "crowdsim.errors",
     "TakeError": "crowdsim.errors",
-    "PoseSampler": "crowdsim.take.poses",
+    "PoseSampler": "crowdsim.poses.sampler",
     "export_bvh": "crowdsim.export.bvh",
     "export_clouds": "crowdsim.export.pointcloud",
     "load_policies": "crowdsim.preparation.prepare",

@@ -12,7 +12,7 @@ from crowdsim import PoseSampler, load_scenario, open_run, read_bvh, run_to, to_
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.performer.session import perform_solo
-from crowdsim.take.kernels.records import Moments
+from crowdsim.poses.kernels.records import Moments
 
 SCENARIO = """version: 1
 name: two

@@ -287,7 +287,7 @@ def for_an_hour(*_, **__):
         print("begun", child.pid, file=sys.stderr, flush=True)
     spin(10**13)
 """
-POSING = "import crowdsim.take.poses as poses; poses.PoseSampler.sample = for_an_hour"
+POSING = "import crowdsim.poses.sampler as poses; poses.PoseSampler.sample = for_an_hour"
 MEASURING = "import crowdsim.take.quality as quality; quality.measure_take = for_an_hour"
 ENCODING = "import crowdsim.render.stage as stage; stage.Stage.picture = for_an_hour"
 

@@ -70,9 +70,9 @@ def _inspect_bundle(name: str, as_json: bool, plots: Path | None, force: bool) -
 def _inspect_run(folder: Path, as_json: bool, plots: Path | None, force: bool) -> None:
     from crowdsim.commands.run_text import run_lines
     from crowdsim.compilation import watch_compilation
+    from crowdsim.poses.sampler import PoseSampler
     from crowdsim.runs.manifest import NAME, read_manifest
     from crowdsim.runs.opening import open_run
-    from crowdsim.take.poses import PoseSampler
     from crowdsim.take.quality import measure_take
 
     take, policies, notes = open_run(folder)

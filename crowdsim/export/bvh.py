@@ -12,8 +12,8 @@ from crowdsim.bvh.io import BvhWriter
 from crowdsim.core.types import Array, Progress
 from crowdsim.export.stream import Block, run_all, stream_poses
 from crowdsim.files import make_folder
-from crowdsim.take.builds import build_skeleton
-from crowdsim.take.poses import Poses, PoseSampler
+from crowdsim.poses.builds import build_skeleton
+from crowdsim.poses.sampler import Poses, PoseSampler
 
 _DECIMALS = 5
 """Of a centimetre and of a degree: far finer than what is blended and carried."""

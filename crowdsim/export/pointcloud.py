@@ -14,7 +14,7 @@ from crowdsim.export.cloud_kernels import MOTION_COLUMNS, Bodies, Riders, Wanted
 from crowdsim.export.stream import Block, run_all, stream_poses
 from crowdsim.export.surface import Surface, build_surface
 from crowdsim.files import make_folder
-from crowdsim.take.poses import Poses, PoseSampler
+from crowdsim.poses.sampler import Poses, PoseSampler
 
 
 class CloudSink:

@@ -12,7 +12,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from crowdsim.core.types import Array, Progress
-from crowdsim.take.poses import Poses, PoseSampler
+from crowdsim.poses.sampler import Poses, PoseSampler
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

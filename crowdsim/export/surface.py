@@ -9,8 +9,8 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.motion.body import Body
 from crowdsim.motion.skeleton import Skeleton
-from crowdsim.take.builds import capsule_segments
-from crowdsim.take.capsules import swelling_capsules
+from crowdsim.poses.builds import capsule_segments
+from crowdsim.poses.capsules import swelling_capsules
 
 _GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 

@@ -16,7 +16,7 @@ from crowdsim.policy.checks import DEFENCE
 from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.policy.flattening import STORED
 from crowdsim.scenario.scenario import Scenario
-from crowdsim.take.data import TakeHeader
+from crowdsim.take.header import TakeHeader
 
 if TYPE_CHECKING:
     from crowdsim.crowd.crowd import Crowd

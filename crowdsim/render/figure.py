@@ -10,10 +10,10 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.motion.body import PARTS, Body
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.poses.builds import capsule_segments
+from crowdsim.poses.facing import face_direction
+from crowdsim.poses.kernels.columns import TRUNK
 from crowdsim.render.palette import EYES
-from crowdsim.take.builds import capsule_segments
-from crowdsim.take.facing import face_direction
-from crowdsim.take.kernels.columns import TRUNK
 
 _WAIST = 0.05
 """How far trunks reach up from the pelvis, as a share of the body's height."""

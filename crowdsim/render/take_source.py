@@ -12,8 +12,8 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.policy.policy import Policy
+from crowdsim.poses.sampler import Poses, PoseSampler
 from crowdsim.render.figure import Figure
-from crowdsim.take.poses import Poses, PoseSampler
 from crowdsim.take.take import Take
 
 _BLOCK_BYTES = 48 << 20

@@ -76,7 +76,7 @@ def export_take(
         RunError: A file cannot be written.
     """
     from crowdsim.export.select import parse_avatars
-    from crowdsim.take.poses import PoseSampler
+    from crowdsim.poses.sampler import PoseSampler
 
     if not options.kinds:
         raise CrowdsimError("nothing to export, expected --bvh, --ply or --pcd")

@@ -13,12 +13,12 @@ from crowdsim.runs.stage import Plan
 from crowdsim.scenario.frame_ranges import output_frames
 
 if TYPE_CHECKING:
+    from crowdsim.crowd.record import TakeData
     from crowdsim.export.stream import Sink
     from crowdsim.policy.policy import Policy
+    from crowdsim.poses.sampler import PoseSampler
     from crowdsim.runs.run import Run
     from crowdsim.scenario.scenario import Scenario
-    from crowdsim.take.data import TakeData
-    from crowdsim.take.poses import PoseSampler
     from crowdsim.take.take import Take
 
 
@@ -160,7 +160,7 @@ def write_outputs(run: Run, take: Take, policies: Sequence[Policy]) -> dict[str,
         OutputError: A file cannot be written.
         Interrupted: A signal has come.
     """
-    from crowdsim.take.poses import PoseSampler
+    from crowdsim.poses.sampler import PoseSampler
 
     found: dict[str, list[Path]] = {}
     wanted = wanted_exports(run.scenario, take.frame_count, take.control_rate)

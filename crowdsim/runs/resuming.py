@@ -14,13 +14,13 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.files import is_folder, remove_tree
+from crowdsim.poses.known_actions import action_counts, with_known_actions
 from crowdsim.preparation.prepare import take_header
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.checkpoint import Checkpoint, Pace, write_checkpoint
 from crowdsim.runs.recording import record
 from crowdsim.runs.run import Run
 from crowdsim.runs.stage import TAKE
-from crowdsim.take.action_validation import action_counts, with_known_actions
 from crowdsim.take.resume import check_writer, written_frames, written_strikes
 from crowdsim.take.store import TakeWriter, open_take
 from crowdsim.take.take import VARIABLES, Take

@@ -14,6 +14,7 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.events import OUTCOMES
 from crowdsim.crowd.kernels.layout import BLOCKED, EVADED, LANDED
 from crowdsim.motion.strikes import LIMBS
+from crowdsim.poses.known_actions import check_actions
 from crowdsim.scenario.parts import STANCES
 
 FAR, TURNS, LATE = 1e7, 1e5, 1e6
@@ -116,24 +117,6 @@ def check_absent(name: str, values: Array, action: Array) -> None:
     if wrong.any():
         at = ", ".join(map(str, np.unravel_index(int(np.argmax(wrong)), wrong.shape)))
         raise ArrayFault(name, f"holds nan at [{at}], expected a number where an avatar is present")
-
-
-def check_actions(action: Array, counts: Array) -> None:
-    """Hold the actions that avatars do against how many there are.
-
-    Args:
-        action: Actions. Shape (T, N).
-        counts: How many actions each avatar's policy has. Shape (N,).
-
-    Raises:
-        ArrayFault: There is no such action.
-    """
-    if action.size and int(action.max()) >= int(counts.min()):
-        wrong = action >= counts
-        if wrong.any():
-            row, column = np.unravel_index(int(np.argmax(wrong)), wrong.shape)
-            what = f"holds {action[row, column]} at [{row}, {column}]"
-            raise ArrayFault("action", f"{what}, expected one of the {counts[column]} actions of the avatar's policy")
 
 
 def check_rows(rows: Mapping[str, Array], sizes: Mapping[str, int], counts: Array) -> None:

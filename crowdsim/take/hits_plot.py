@@ -15,8 +15,8 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.strikes import HANDS
-from crowdsim.take.fists import body_points
-from crowdsim.take.poses import PoseSampler
+from crowdsim.poses.layers.fists import body_points
+from crowdsim.poses.sampler import PoseSampler
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

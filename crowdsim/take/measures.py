@@ -12,8 +12,8 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.chunk import Chunk
 from crowdsim.crowd.events import OUTCOMES, VARIABLES, Events
 from crowdsim.crowd.kernels.layout import BLOCKED, EVADED
+from crowdsim.crowd.record import TakeData
 from crowdsim.crowd.statistics import overlapping
-from crowdsim.take.data import TakeData
 
 AFTER = 10.0
 """Time that avatars are given to come together; positions are measured from then on [s]."""

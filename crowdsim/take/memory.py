@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.take.data import TakeHeader
+from crowdsim.take.header import TakeHeader
 from crowdsim.take.take import VARIABLES, Events, Take
 
 if TYPE_CHECKING:

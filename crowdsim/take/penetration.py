@@ -11,9 +11,9 @@ from crowdsim.core.types import Array, Progress
 from crowdsim.core.workers import share
 from crowdsim.motion.body import Body
 from crowdsim.motion.skeleton import Skeleton
-from crowdsim.take.capsules import PosedBodies, capsule_order, place_capsules
+from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules
+from crowdsim.poses.sampler import Poses, PoseSampler
 from crowdsim.take.kernels.penetration import find_penetrations
-from crowdsim.take.poses import Poses, PoseSampler
 
 DEEP, VERY_DEEP = 0.06, 0.08
 """Depth that counts as penetration, and the depth of an episode [m]."""

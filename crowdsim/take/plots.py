@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from crowdsim.crowd.record import TakeData
 from crowdsim.figures import new_figure, save_figure
-from crowdsim.take.data import TakeData
+from crowdsim.poses.sampler import PoseSampler
 from crowdsim.take.hits_plot import hit_figure
-from crowdsim.take.poses import PoseSampler
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

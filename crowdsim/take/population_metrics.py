@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.crowd.record import TakeData
 from crowdsim.crowd.stances import leading_feet
-from crowdsim.take.data import TakeData
+from crowdsim.poses.motion import fallen_frames
 from crowdsim.take.measures import chunks_of
-from crowdsim.take.motion import fallen_frames
 from crowdsim.take.spreads import PERCENTILES
 
 if TYPE_CHECKING:

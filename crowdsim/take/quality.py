@@ -13,13 +13,13 @@ from crowdsim.crowd.events import OUTCOMES
 from crowdsim.crowd.kernels.layout import LANDED
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.take.fists import body_points, surface_point
-from crowdsim.take.kernels.records import Moments, Steps, Transitions
-from crowdsim.take.kernels.steps import STEP
+from crowdsim.poses.kernels.records import Moments, Steps, Transitions
+from crowdsim.poses.kernels.steps import STEP
+from crowdsim.poses.layers.fists import body_points, surface_point
+from crowdsim.poses.sampler import Poses, PoseSampler
 from crowdsim.take.measures import measure_fights
 from crowdsim.take.penetration import measure_penetration
 from crowdsim.take.population_metrics import measure_people
-from crowdsim.take.poses import Poses, PoseSampler
 from crowdsim.take.spreads import measure_spreads
 from crowdsim.take.variety import measure_variety
 
@@ -100,9 +100,9 @@ def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, floa
         later = now + (where.fractions > 0.0)
         positions, rotations = poses.joints()
         balls = _balls(sampler, poses, positions, rotations)
-        transitions = window.transitions()
+        transitions = window.transitions
         planted = motion.contacts[now] & motion.contacts[later] & (frames >= 0)[..., None]
-        planted &= ~_stepping(transitions, window.steps(transitions, window.foot_plants()), times, len(poses.avatars))
+        planted &= ~_stepping(transitions, window.steps(transitions, window.foot_plants), times, len(poses.avatars))
         speeds = np.linalg.norm(np.diff(balls, axis=0), axis=-1) * rate
         slides.append(speeds[planted[1:] & planted[:-1]])
         positions = positions[:, :, motion.joints]
@@ -255,5 +255,5 @@ def _count_transitions(sampler: PoseSampler) -> int:
         avatars = np.flatnonzero(take.cast.policies == index)
         for low in range(0, len(avatars), 1000):
             window = sampler.window(index, avatars[low : low + 1000], np.array([0.0, take.seconds]))
-            count += len(window.transitions().times)
+            count += len(window.transitions.times)
     return count

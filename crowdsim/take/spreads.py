@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.take.data import TakeData
+from crowdsim.crowd.record import TakeData
 from crowdsim.take.measures import AFTER, OUT_OF_REACH, chunks_of, opponent_offsets
 
 ENOUGH = 20.0

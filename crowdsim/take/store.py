@@ -13,7 +13,7 @@ import numpy as np
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.files import UNFINISHED, make_folder, move_plain, remove_tree
-from crowdsim.take.data import TakeHeader
+from crowdsim.take.header import TakeHeader
 from crowdsim.take.layout import (
     AVATARS_A_CHUNK,
     CAST,

@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.events import OUTCOMES, VARIABLES, Events
+from crowdsim.crowd.record import Cast, TakeData
 from crowdsim.errors import TakeError, nearest
 from crowdsim.motion.strikes import LIMBS, SIDES
-from crowdsim.take.data import Cast, TakeData
 
 if TYPE_CHECKING:
-    from crowdsim.take.poses import PoseSampler
+    from crowdsim.poses.sampler import PoseSampler
 
 __all__ = ["STRIKE", "VARIABLES", "Cast", "Events", "Take"]
 
@@ -50,7 +50,7 @@ class Take(TakeData):
         Raises:
             TakeError: The take was opened without its policies, or with others.
         """
-        from crowdsim.take.poses import PoseSampler
+        from crowdsim.poses.sampler import PoseSampler
 
         if not self.policies:
             raise TakeError("the take has no policies, which poses need; crowdsim.open_run opens a run with both")

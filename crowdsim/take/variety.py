@@ -10,9 +10,9 @@ from scipy.spatial import cKDTree
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.model import strong_speed
+from crowdsim.crowd.record import TakeData
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.policy.policy import Policy
-from crowdsim.take.data import TakeData
 
 LATELY, AROUND = 2.0, 8.0
 """Time [s] and distance [m] within which others count that show the same motion."""

@@ -8,7 +8,7 @@ from crowdsim.export.surface import build_surface
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import build_body
 from crowdsim.performer.session import perform
-from crowdsim.take.capsules import swelling_capsules
+from crowdsim.poses.capsules import swelling_capsules
 
 
 @pytest.fixture(scope="module")

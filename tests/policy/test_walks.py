@@ -16,7 +16,7 @@ from crowdsim.policy.bundle import load_policy, write_arrays
 from crowdsim.policy.flattening import flatten_policy
 from crowdsim.policy.policy import Policy
 from crowdsim.policy.rests import Rests, rests_of
-from crowdsim.take.motion import prepare_motion
+from crowdsim.poses.motion import prepare_motion
 
 
 def rests(policy: Policy) -> Rests:

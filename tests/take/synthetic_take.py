@@ -11,7 +11,7 @@ from crowdsim.motion.database import MotionDatabase, build_database
 from crowdsim.motion.measuring import measure_clips
 from crowdsim.performer.session import perform
 from crowdsim.policy.rewards import target_body
-from crowdsim.take.poses import PoseSampler
+from crowdsim.poses.sampler import PoseSampler
 from crowdsim.take.take import Cast, Events, Take
 
 RATE = 15.0

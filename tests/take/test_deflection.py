@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 from take.synthetic_take import actions, build_take, database, sampler
 
+from crowdsim.poses.capsule_weights import ride_along
+from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules
+from crowdsim.poses.kernels.capsules import Capsules
+from crowdsim.poses.kernels.deflection import MovingLimbs, deflect_limbs
+from crowdsim.poses.kernels.foot_plants import free_feet
+from crowdsim.poses.kernels.records import FootPlants, Moments
 from crowdsim.take import deflection as module
-from crowdsim.take.capsule_weights import ride_along
-from crowdsim.take.capsules import PosedBodies, capsule_order, place_capsules
-from crowdsim.take.kernels.capsules import Capsules
-from crowdsim.take.kernels.deflection import MovingLimbs, deflect_limbs
-from crowdsim.take.kernels.foot_plants import free_feet
-from crowdsim.take.kernels.records import FootPlants, Moments
 from crowdsim.take.penetration import measure_penetration
 
 

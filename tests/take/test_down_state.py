@@ -10,12 +10,12 @@ from take.synthetic_take import build_take, sampler
 
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.take.down_state import fallen_rows, falls_soon, near_fallen
-from crowdsim.take.gaze import HeadTurns
-from crowdsim.take.hits import find_landed
-from crowdsim.take.motion import prepare_motion
-from crowdsim.take.poses import Poses
-from crowdsim.take.separation import Separation
+from crowdsim.poses.down_state import fallen_rows, falls_soon, near_fallen
+from crowdsim.poses.hits import find_landed
+from crowdsim.poses.layers.gaze import HeadTurns
+from crowdsim.poses.layers.separation import Separation
+from crowdsim.poses.motion import prepare_motion
+from crowdsim.poses.sampler import Poses
 from crowdsim.take.take import Events, Take
 
 FRAMES, RATE, FPS = 100, 15.0, 60.0

@@ -8,11 +8,11 @@ from take.synthetic_take import sampler
 from take.test_down_state import FPS, FRAMES, RATE, spans, takes
 
 from crowdsim.motion import quaternion
+from crowdsim.poses.capsules import PosedBodies, place_capsules
+from crowdsim.poses.kernels.columns import LOWER
+from crowdsim.poses.motion import prepare_motion
+from crowdsim.poses.sampler import Poses
 from crowdsim.take import pipeline
-from crowdsim.take.capsules import PosedBodies, place_capsules
-from crowdsim.take.kernels.columns import LOWER
-from crowdsim.take.motion import prepare_motion
-from crowdsim.take.poses import Poses
 from crowdsim.take.take import Take
 
 LEGS, ARMS = [0.95, 1.05], [1.05, 0.95]

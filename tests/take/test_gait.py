@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crowdsim.take.gait import USUAL, measure_gait
+from crowdsim.poses.gait import USUAL, measure_gait
 
 
 def walk(lengths: list[float], rate: float = 60.0) -> tuple[np.ndarray, np.ndarray]:

@@ -7,10 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 from take.synthetic_take import actions, build_take, database, sampler
 
-from crowdsim.take.facing import face_direction
-from crowdsim.take.gaze import MOST, HeadTurns
-from crowdsim.take.motion import prepare_motion
-from crowdsim.take.poses import Poses
+from crowdsim.poses.facing import face_direction
+from crowdsim.poses.layers.gaze import MOST, HeadTurns
+from crowdsim.poses.motion import prepare_motion
+from crowdsim.poses.sampler import Poses
 from crowdsim.take.take import Take
 
 

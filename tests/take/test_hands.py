@@ -6,9 +6,9 @@ from synthetic_take import actions, build_take, database, sampler
 
 from crowdsim.crowd.model_arms import arm_radii
 from crowdsim.motion import quaternion
-from crowdsim.take.kernels.hands import lift_hands
-from crowdsim.take.kernels.records import Moments, Posed
-from crowdsim.take.world import world_joints
+from crowdsim.poses.kernels.hands import lift_hands
+from crowdsim.poses.kernels.records import Moments, Posed
+from crowdsim.poses.world import world_joints
 
 SIZES = np.array([[1.0, 1.0, 1.0], [1.0, 1.0, 1.1], [1.2, 1.1, 1.2], [0.9, 0.9, 0.9]])
 

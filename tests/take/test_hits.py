@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from crowdsim.crowd.kernels.layout import BLOCKED, LANDED, MISSED
-from crowdsim.take.hits import find_landed
+from crowdsim.poses.hits import find_landed
 
 
 def take_of(frames: list[int], outcomes: list[int], limbs: list[int], rate: float = 60.0) -> Any:

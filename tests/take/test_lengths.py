@@ -9,13 +9,13 @@ from synthetic_take import actions, build_take, database, sampler
 
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.poses.builds import build_skeleton, capsule_segments, joint_segments
+from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules
+from crowdsim.poses.kernels.columns import ARM, LEG, TRUNK
+from crowdsim.poses.motion import leg_reaches
+from crowdsim.poses.sampler import Poses, PoseSampler
 from crowdsim.render.figure import bone_capsules
 from crowdsim.render.scene import build_cast
-from crowdsim.take.builds import build_skeleton, capsule_segments, joint_segments
-from crowdsim.take.capsules import PosedBodies, capsule_order, place_capsules
-from crowdsim.take.kernels.columns import ARM, LEG, TRUNK
-from crowdsim.take.motion import leg_reaches
-from crowdsim.take.poses import Poses, PoseSampler
 
 LEGS, ARMS = np.array([1.0, 0.9, 1.1, 1.0]), np.array([1.0, 1.1, 0.9, 1.0])
 SCALES = [1.0, 0.95, 1.05, 1.1]
@@ -128,7 +128,7 @@ def test_pelvises_are_as_much_higher_as_legs_are_longer() -> None:
 def test_planted_feet_keep_their_positions_and_no_sole_is_under_the_floor(plain, posed) -> None:
     posing = walkers(np.ones(4), np.ones(4))
     window = posing.window(0, np.arange(4), np.arange(FRAMES) / 60.0)
-    spans, counts = window.foot_plants()
+    spans, counts = window.foot_plants
     here, there = soles(plain), soles(posed)
     assert there[..., 1].min() > -0.0006
     assert np.abs(there - here)[:, [1, 2]].max() > 0.01

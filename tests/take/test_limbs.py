@@ -14,8 +14,8 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.limbs import flexion, hinge_axis
 from crowdsim.motion.skeleton import Skeleton
-from crowdsim.take.kernels.limbs import MOST, World, bend_limb
-from crowdsim.take.limbs import Limbs
+from crowdsim.poses.kernels.limbs import MOST, World, bend_limb
+from crowdsim.poses.limbs import Limbs
 
 # A root, two joints above the limb, the limb with a joint that only twists between its bones, and two joints beside it.
 PARENTS = np.array([-1, 0, 1, 2, 3, 4, 5, 0])

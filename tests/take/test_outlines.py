@@ -7,9 +7,9 @@ from synthetic_take import database
 
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.policy.rewards import posed_distance
-from crowdsim.take.capsules import PosedBodies, capsule_order, place_capsules
-from crowdsim.take.fists import body_points, surface_point
-from crowdsim.take.outlines import GIVES, Outline, leave_capsules
+from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules
+from crowdsim.poses.layers.fists import body_points, surface_point
+from crowdsim.poses.outlines import GIVES, Outline, leave_capsules
 
 COUNT = 40
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from synthetic_take import actions, build_take, database, sampler
 
-from crowdsim.take.pelvis_drop import Lowering
-from crowdsim.take.poses import PoseSampler
+from crowdsim.poses.layers.pelvis import Lowering
+from crowdsim.poses.sampler import PoseSampler
 from crowdsim.take.take import Take
 
 
@@ -39,8 +39,8 @@ def test_pelvises_go_down_evenly(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_rows_of_some_avatars_of_a_long_take_are_those_of_a_short_one(monkeypatch: pytest.MonkeyPatch) -> None:
     take, policy = short_legs()
     whole = lowering(sampler(take, policy)).rows(0, take.frame_count, np.arange(12))
-    monkeypatch.setattr("crowdsim.take.pelvis_drop._WHOLE", 0)
-    monkeypatch.setattr("crowdsim.take.pelvis_drop._POSES_AT_ONCE", 5)
+    monkeypatch.setattr("crowdsim.poses.layers.pelvis._WHOLE", 0)
+    monkeypatch.setattr("crowdsim.poses.layers.pelvis._POSES_AT_ONCE", 5)
     some = lowering(sampler(take, policy))
     for low, high in ((7, 19), (30, 33), (0, 4), (70, take.frame_count)):
         np.testing.assert_array_equal(some.rows(low, high, np.array([0, 2])), whole[low:high][:, [0, 2]])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from take.synthetic_take import actions, build_take, database, sampler
 
-from crowdsim.take.kernels.capsules import Capsules
+from crowdsim.poses.kernels.capsules import Capsules
 from crowdsim.take.kernels.penetration import find_penetrations
 from crowdsim.take.penetration import measure_penetration
 

@@ -13,10 +13,10 @@ from crowdsim.errors import TakeError
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.limbs import flexion
-from crowdsim.take.fists import body_points, surface_point
-from crowdsim.take.kernels.records import Moments
-from crowdsim.take.kernels.steps import STEP
-from crowdsim.take.poses import Poses, PoseSampler
+from crowdsim.poses.kernels.records import Moments
+from crowdsim.poses.kernels.steps import STEP
+from crowdsim.poses.layers.fists import body_points, surface_point
+from crowdsim.poses.sampler import Poses, PoseSampler
 from crowdsim.take.take import Events, Take
 
 LEGS = ("hip", "knee", "foot", "toe")
@@ -151,7 +151,7 @@ def test_feet_rotate_continuously_through_transitions_however_far_they_turn() ->
     take = replace(take, events=Events(*(getattr(take.events, n)[:0] for n in Events.__dataclass_fields__)))
     poses = sampler(take, policy)
     fast, feet = 1920.0, [database().body.roles[f"{side}_foot"] for side in ("left", "right")]
-    gaps = poses.window(0, np.arange(4), np.array([0.0, take.seconds])).transitions().gaps
+    gaps = poses.window(0, np.arange(4), np.array([0.0, take.seconds])).transitions.gaps
     assert np.linalg.norm(gaps[..., 3:6], axis=-1).max() > 1.0
     for start in range(1000, 8000, 1000):
         rotations = poses.sample(start, start + 1001, fast)[0].joints()[1][:, :, feet]
@@ -188,10 +188,10 @@ def test_a_planted_foot_moves_no_more_than_captured_through_a_transition() -> No
         take, policy = build_take([[0, 1]], np.array([leave - 19, enter + 1]), np.array([20, 20]), 40)
         poses = sampler(take, policy)
         window = poses.window(0, np.arange(1), np.array([0.0, take.seconds]))
-        transitions = window.transitions()
+        transitions = window.transitions
         if not len(transitions.times):
             continue
-        kinds = window.steps(transitions, window.foot_plants()).kinds
+        kinds = window.steps(transitions, window.foot_plants).kinds
         toes = [motion.body.roles["left_toe"], motion.body.roles["right_toe"]]
         middle = round(float(transitions.times[0]) * 60)
         ours = poses.sample(middle - 12, middle + 13, 60)[0].joints()[0][:, 0, toes]
@@ -218,8 +218,8 @@ def test_a_foot_in_the_air_at_a_transition_is_planted_before_and_after_it() -> N
             take, policy = build_take([[0, 1]], np.array([leave - 19, enter + 1]), np.array([20, 20]), 40)
             poses = sampler(take, policy)
             window = poses.window(0, np.arange(1), np.array([0.0, take.seconds]))
-            transitions = window.transitions()
-            steps = window.steps(transitions, window.foot_plants())
+            transitions = window.transitions
+            steps = window.steps(transitions, window.foot_plants)
             if np.linalg.norm(transitions.gaps[0, foot, :3]) > 0.3 or steps.kinds[0, foot] != STEP:
                 continue
             times = np.arange(round((transitions.times[0] - 0.35) * 60), round((transitions.times[0] + 0.35) * 60))
@@ -263,8 +263,8 @@ def _slide(places: np.ndarray, take: Take, policy: Any) -> np.ndarray:
     window = sampler(take, policy).window(0, np.arange(take.avatar_count), np.array([0.0, take.seconds]))
     frames = window.playback(Moments(np.arange(take.avatar_count), (np.arange(len(places)) / 60.0)[:, None])).frames
     planted = np.array(database().contacts[frames])
-    transitions = window.transitions()
-    steps = window.steps(transitions, window.foot_plants())
+    transitions = window.transitions
+    steps = window.steps(transitions, window.foot_plants)
     for k, foot in zip(*np.nonzero(steps.kinds == STEP), strict=True):
         low, high = (steps.moves[k, foot, :2] * 60).astype(int)
         planted[max(low, 0) : high + 2, transitions.owners[k], foot] = False

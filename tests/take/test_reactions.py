@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from take.synthetic_take import actions, build_take, database
 
 from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.take.kernels.columns import HEAD, TORSO
-from crowdsim.take.kernels.reactions import LEAST, LENGTH, MOST, RISE, Blows, strengthen
-from crowdsim.take.motion import prepare_motion
-from crowdsim.take.reactions import build_trunk
+from crowdsim.poses.kernels.columns import HEAD, TORSO
+from crowdsim.poses.kernels.reactions import LEAST, LENGTH, MOST, RISE, Blows, strengthen
+from crowdsim.poses.layers.reactions import build_trunk
+from crowdsim.poses.motion import prepare_motion
 
 
 def blows(times: list[float], ways: list[float], strengths: list[float]) -> Blows:

@@ -11,12 +11,12 @@ from take.synthetic_take import actions, build_take, database, sampler
 
 from crowdsim.core.segments import nearest_on_segments
 from crowdsim.motion import quaternion
-from crowdsim.take.deflection import Deflection
-from crowdsim.take.frame_cache import KeptRows
-from crowdsim.take.hits import find_landed
+from crowdsim.poses.hits import find_landed
+from crowdsim.poses.kept import KeptRows
+from crowdsim.poses.kernels.separation import push_trunks
+from crowdsim.poses.layers.deflection import Deflection
+from crowdsim.poses.layers.separation import Separation
 from crowdsim.take.kernels import separation
-from crowdsim.take.kernels.separation import push_trunks
-from crowdsim.take.separation import Separation
 
 
 @settings(deadline=None)
@@ -195,8 +195,8 @@ def test_rows_of_a_long_take_are_those_of_a_short_one(monkeypatch: pytest.Monkey
     separation = Separation(take, poses.motions, find_landed(take), poses._passes._blended_joints)
     whole = KeptRows(30, 3, separation.find).rows(0, 30, np.arange(3))
     assert np.abs(whole).max() > 0.01
-    monkeypatch.setattr("crowdsim.take.frame_cache._WHOLE", 0)
-    monkeypatch.setattr("crowdsim.take.frame_cache._FRAMES", 5)
+    monkeypatch.setattr("crowdsim.poses.kept._WHOLE", 0)
+    monkeypatch.setattr("crowdsim.poses.kept._FRAMES", 5)
     some = KeptRows(30, 3, separation.find)
     for low, high in ((7, 19), (9, 12), (18, 30), (0, 4)):
         np.testing.assert_array_equal(some.rows(low, high, np.array([0, 2])), whole[low:high][:, [0, 2]])

@@ -14,7 +14,7 @@ import zarr
 from crowdsim.crowd.events import OUTCOMES
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.scenario.names import avatar_name_fault
-from crowdsim.take.data import TakeHeader
+from crowdsim.take.header import TakeHeader
 from crowdsim.take.layout import CAST as CAST_FIELDS
 from crowdsim.take.store import TakeWriter, open_take
 from crowdsim.take.take import VARIABLES, Cast, Events

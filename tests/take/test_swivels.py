@@ -5,8 +5,8 @@ import pytest
 from take.synthetic_take import actions, build_take, sampler
 from take.test_limbs import END, MIDDLE, UPPER, Posed
 
-from crowdsim.take.kernels.fists import FOLDED, point_arm
-from crowdsim.take.kernels.limbs import World, pose_chain, reach_of, swivel_limb
+from crowdsim.poses.kernels.fists import FOLDED, point_arm
+from crowdsim.poses.kernels.limbs import World, pose_chain, reach_of, swivel_limb
 
 
 def swivelled(posed: Posed, goal: np.ndarray, straight: float = 0.03) -> np.ndarray:

@@ -4,6 +4,7 @@ import math
 
 from crowdsim.core.quaternions import rotate
 from crowdsim.jit import kernel
+from crowdsim.poses.kernels.columns import TRUNK
 from crowdsim.render.kernels.columns import (
     A_RADIUS,
     AHEAD_X,
@@ -66,7 +67,6 @@ from crowdsim.render.kernels.columns import (
     V_X,
     WIDEST,
 )
-from crowdsim.take.kernels.columns import TRUNK
 
 CLOSEST = 0.05
 NEIGHBOUR_GAP = 0.15

@@ -3,7 +3,7 @@
 import math
 
 from crowdsim.jit import kernel
-from crowdsim.take.kernels.capsules import NEAR, are_near, capsule_depth
+from crowdsim.poses.kernels.capsules import NEAR, are_near, capsule_depth
 
 
 @kernel(allocates=False)

@@ -1,0 +1,77 @@
+"""The capsules of posed bodies, side by side for compiled code."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.core.workers import share
+from crowdsim.motion.body import PARTS, Body
+from crowdsim.poses.builds import capsule_segments
+from crowdsim.poses.kernels.capsules import Capsules, place_ends
+
+_SWELLING = [PARTS.index(part) for part in ("skin", "shirt", "trunks")]
+
+
+class PosedBodies(NamedTuple):
+    """Bodies of one kind; n avatars at T times, J joints.
+
+    Attributes:
+        body: What their skeleton is as a body.
+        columns: Column of each among all avatars. Shape (n,).
+        scales: Size of each. Shape (n,).
+        girths: How thick its trunk and limbs are for their length. Shape (n,).
+        stretches: How long the bones of its trunk, legs and arms are for its size. Shape (n, 3).
+        positions: Of joints in the world [m]. Shape (T, n, J, 3).
+        rotations: Of joints in the world. Shape (T, n, J, 4).
+    """
+
+    body: Body
+    columns: Array
+    scales: Array
+    girths: Array
+    stretches: Array
+    positions: Array
+    rotations: Array
+
+
+def swelling_capsules(parts: Array) -> Array:
+    """Return which capsules of these parts (K,) are thicker the greater the girth: not head, gloves and shoes."""
+    return np.isin(parts, _SWELLING)
+
+
+def trunk_capsules(body: Body) -> Array:
+    """Return which capsules lie along a body's trunk, from the pelvis up; the one across its shoulders is the last."""
+    return np.flatnonzero(body.capsule_parts == PARTS.index("shirt"))
+
+
+def capsule_order(body: Body) -> Array:
+    """Return the order of a body's capsules in which one of the pelvis, in the middle of the body, is the first."""
+    return np.argsort(body.capsule_joints != body.roles["pelvis"], kind="stable")
+
+
+def place_capsules(bodies: Iterable[PosedBodies], times: int, count: int, threads: int = 1) -> Capsules:
+    """Return the capsules of avatars at ``times`` times in ``count`` columns, those of each in ``capsule_order``."""
+    bodies = list(bodies)
+    most = max((len(posed.body.capsule_joints) for posed in bodies), default=0)
+    ends = np.full((2, times, count, most, 3), np.nan, np.float32)
+    radii, bounds, counts = np.zeros((count, most, 2)), np.zeros((count, most)), np.zeros(count, np.int64)
+    for posed in bodies:
+        body, columns, scales = posed.body, posed.columns, posed.scales
+        sizes = np.asarray(scales, dtype=float)[:, None] * posed.stretches
+        order = capsule_order(body)
+        joints, own, segments = body.capsule_joints[order], np.arange(len(order)), capsule_segments(body)[order]
+        offsets = np.stack([body.capsule_starts[order], body.capsule_ends[order]]).astype(float)
+        share(len(columns) * times, place_ends, posed.positions, posed.rotations, sizes, joints, segments, offsets,
+              columns, ends, threads=threads)  # fmt: skip
+        swells = swelling_capsules(body.capsule_parts)[order]
+        widths = np.where(swells, posed.girths[:, None], 1.0) * scales[:, None]
+        radii[columns[:, None], own] = body.capsule_radii[order] * widths[..., None]
+        halves = 0.5 * np.linalg.norm(body.capsule_ends - body.capsule_starts, axis=1)[order]
+        halves = halves * np.asarray(scales)[:, None] * posed.stretches[:, segments].astype(scales.dtype)
+        bounds[columns[:, None], own] = (halves + body.capsule_radii.max(axis=1)[order] * widths) * 1.001
+        counts[columns] = len(order)
+    return Capsules(ends[0], ends[1], radii, bounds, counts)

@@ -1,0 +1,149 @@
+"""Compiled bending of limbs that give way to other bodies."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from crowdsim.core.easing import minimum_jerk
+from crowdsim.core.types import Array
+from crowdsim.jit import kernel
+from crowdsim.poses.kernels.columns import LOWER, MIDDLE, UPPER
+from crowdsim.poses.kernels.feet import KNEE_LEAST
+from crowdsim.poses.kernels.fists import point_arm
+from crowdsim.poses.kernels.foot_plants import foot_freedom
+from crowdsim.poses.kernels.limb_bounds import LIMBS
+from crowdsim.poses.kernels.limb_moves import END, JOINT, MOVED
+from crowdsim.poses.kernels.limbs import World, bend_limb, distance_between, excess, pose_chain, reach_of, swivel_limb
+from crowdsim.poses.kernels.splines import spline_weights
+
+FIST_LANDS, FOOT_LANDS = 0.06, 0.25
+"""How long before and after a strike its fist or foot is on its way undeflected [s], partly."""
+_ARM_STRAIGHT, _LEG_STRAIGHT = 0.15, 0.08
+"""Distance of elbows and knees from the straight line below which limbs hardly swivel [m]: a fist may pass a body in a
+fraction of the time that a foot takes, and the arm would roll around."""
+
+
+class Deflections(NamedTuple):
+    """How far limbs of n avatars are deflected at the times of a grid, and when they strike.
+
+    Attributes:
+        moves: How far the middle and the end of each limb go [m], ``Offsets`` of shape (R, n, 4, 2, 3).
+        creeps: How far feet go that are planted [m], ``Offsets`` of shape (S, n, 2, 3).
+        starts: Strikes of column i are ``starts[i]`` up to ``starts[i + 1]``. Shape (n + 1,).
+        times: When [s]. Shape (E,).
+        limbs: Of left and right hand, left and right foot. Shape (E,).
+    """
+
+    moves: Any
+    creeps: Any
+    starts: Array
+    times: Array
+    limbs: Array
+
+
+@kernel(allocates=False)
+def _moves_at(offsets, time, n, moves):
+    """Write how far limbs of an avatar are deflected at a time, by a B-spline."""
+    clock = time * offsets.rate - offsets.first
+    before, last = math.floor(clock), offsets.values.shape[0] - 1
+    weights = spline_weights(clock - before)
+    moves[:] = 0.0
+    for k in range(4):
+        row = offsets.values[min(max(before - 1 + k, 0), last), n]
+        for limb in range(LIMBS):
+            for point in range(MOVED):
+                for j in range(3):
+                    moves[limb, point, j] += weights[k] * row[limb, point, j]
+
+
+@kernel(allocates=False)
+def _creep_at(offsets, time, n, foot, free, move):
+    """Mix into the move of a foot, as far as it is not ``free``, how far planted feet go; by a B-spline."""
+    clock = time * offsets.rate - offsets.first
+    before, last = math.floor(clock), offsets.values.shape[0] - 1
+    weights = spline_weights(clock - before)
+    for j in range(3):
+        creep = 0.0
+        for k in range(4):
+            creep += weights[k] * offsets.values[min(max(before - 1 + k, 0), last), n, foot, j]
+        move[j] = free * move[j] + (1.0 - free) * creep
+
+
+@kernel(allocates=False)
+def _freedom(deflections, time, n, limb):
+    """Return how free a hand or foot is of strikes."""
+    free, lands = 1.0, FIST_LANDS if limb < 2 else FOOT_LANDS
+    for strike in range(deflections.starts[n], deflections.starts[n + 1]):
+        if deflections.limbs[strike] == limb:
+            free = min(free, 1.0 - minimum_jerk(1.0 - abs(time - deflections.times[strike]) / lands))
+    return free
+
+
+@kernel(allocates=False)
+def _bend_arm(arms, hand, sizes, root, pose, world, moves, free):
+    """Move a wrist, and swivel the elbow, as far as they are deflected."""
+    elbow, wrist = world.positions[arms.joints[hand, MIDDLE]], world.positions[arms.joints[hand, LOWER]]
+    goal = elbow[0] + moves[JOINT, 0], elbow[1] + moves[JOINT, 1], elbow[2] + moves[JOINT, 2]
+    target = wrist[0] + free * moves[END, 0], wrist[1] + free * moves[END, 1], wrist[2] + free * moves[END, 2]
+    point_arm(arms, hand, pose, world, target)
+    pose_chain(arms, sizes, root, pose, world)
+    swivel_limb(arms, hand, pose, world, goal, _ARM_STRAIGHT)
+
+
+@kernel(allocates=False)
+def _bend_leg(legs, foot, sizes, root, pose, world, moves):
+    """Move an ankle as far as its leg reaches, and swivel the knee, as far as they are deflected."""
+    hip, knee = world.positions[legs.joints[foot, UPPER]], world.positions[legs.joints[foot, MIDDLE]]
+    ankle = world.positions[legs.joints[foot, LOWER]]
+    if moves[END].any():
+        target = ankle[0] + moves[END, 0], ankle[1] + moves[END, 1], ankle[2] + moves[END, 2]
+        a, b, wanted = distance_between(hip, knee), distance_between(knee, ankle), distance_between(hip, target)
+        over = excess(distance_between(hip, ankle), wanted, reach_of(a, b, KNEE_LEAST), 0.002 * (a + b))
+        # Where the leg is stretched already it still comes as close as it is asked to.
+        bend_limb(legs, foot, pose, world, target, wanted - max(over, 0.0))
+        pose_chain(legs, sizes, root, pose, world)
+    if moves[JOINT].any():
+        goal = knee[0] + moves[JOINT, 0], knee[1] + moves[JOINT, 1], knee[2] + moves[JOINT, 2]
+        swivel_limb(legs, foot, pose, world, goal, _LEG_STRAIGHT)
+
+
+@kernel
+def bend_limbs(first, stop, moments, deflections, plants, sizes, arms, legs, poses):
+    """Deflect limbs of poses, in place.
+
+    Args:
+        first: First of the moments' avatars.
+        stop: One past the last.
+        moments: Who and when, a ``Moments``.
+        deflections: A ``Deflections``.
+        plants: When feet are planted, a ``FootPlants``.
+        sizes: Sizes of bones by column, see ``Rows``. Shape (n, 3).
+        arms: A ``motion.Limbs``.
+        legs: Likewise.
+        poses: Rotations are changed, a ``Posed``.
+    """
+    joints, times = arms.parents.shape[0], moments.times
+    world, moves = World(np.empty((joints, 3)), np.empty((joints, 4))), np.empty((LIMBS, MOVED, 3))
+    shared = times.shape[1] == 1
+    for i in range(first, stop):
+        n = moments.columns[i]
+        for t in range(times.shape[0]):
+            time, root, pose = times[t, 0 if shared else i], poses.roots[t, i], poses.rotations[t, i]
+            if not math.isfinite(root[0]):
+                continue
+            _moves_at(deflections.moves, time, n, moves)
+            for hand in range(2):
+                if moves[hand].any():
+                    pose_chain(arms, sizes[n], root, pose, world)
+                    free = _freedom(deflections, time, n, hand)
+                    _bend_arm(arms, hand, sizes[n], root, pose, world, moves[hand], free)
+            for foot in range(2):
+                move, kicks = moves[2 + foot, END], _freedom(deflections, time, n, 2 + foot)
+                free, _ = foot_freedom(plants, n, foot, 0, time)
+                _creep_at(deflections.creeps, time, n, foot, free, move)
+                for k in range(3):
+                    move[k] *= kicks
+                if moves[2 + foot].any():
+                    pose_chain(legs, sizes[n], root, pose, world)
+                    _bend_leg(legs, foot, sizes[n], root, pose, world, moves[2 + foot])

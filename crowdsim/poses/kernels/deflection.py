@@ -1,0 +1,276 @@
+"""Compiled search for how far elbows, hands, knees and feet give way to other bodies."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.jit import kernel
+from crowdsim.poses.kernels.capsules import NEAR, are_near, capsule_depth
+from crowdsim.poses.kernels.limb_bounds import LIMBS, bound_limbs, group_of, groups_near, limbs_near
+from crowdsim.poses.kernels.limb_moves import END, JOINT, MOVED, keep_bones, keep_leg, limit
+
+ALLOWED = 0.01
+"""Depth at which bodies are left alone [m]."""
+_FOOT_IN = 0.02
+"""Depth at which a foot is left in what it is in [m]: it should stay where it is planted."""
+_STANDS = 0.5
+"""How free a foot is at the most that stands."""
+_FIST_IN = 0.04
+"""How much deeper a fist may be in what it hits [m]: its middle touches."""
+_AT_LAST = 1.001
+"""One, and how readily a limb gives way to another one while it lands a strike: that one goes, if it can."""
+_MARGIN, _LEG_MARGIN = 0.05, 0.015
+"""How far apart capsules may be that arms, and legs, might be pushed into [m]."""
+_ENOUGH = 0.0005
+"""Depth beyond what is allowed that may be left [m]."""
+_ROUNDS, _STEP = 10, 0.8
+"""Rounds in which limbs are pushed out of what they are in, and the share of the way that each goes."""
+_LEAST = 0.3
+"""Least lever by which a push is divided: one close to a shoulder would swing the arm around."""
+_CONTACTS = 160
+"""Most pairs of capsules that are looked at for one avatar."""
+
+
+class MovingLimbs(NamedTuple):
+    """What moves of N bodies of K capsules at T times.
+
+    Attributes:
+        joints: Upper, middle and end joint of each limb [m]. Shape (T, N, 4, 3, 3), float32.
+        limbs: Limb of each capsule, -1 for those of the trunk. Shape (N, K).
+        weights: How far each of its ends goes along with the middle and the end of the limb. Shape (N, K, 2, 2).
+        landing: How close to a strike that lands each limb is, from 0 to 1. Shape (T, N, 4).
+        freedom: How readily the end of each limb moves, 1 unless it is a planted foot. Shape (T, N, 4).
+        down: Bodies that are down: their limbs do not give way, those of others do the whole. Shape (T, N), bool.
+    """
+
+    joints: Array
+    limbs: Array
+    weights: Array
+    landing: Array
+    freedom: Array
+    down: Array
+
+
+class _Contacts(NamedTuple):
+    """Capsules of a body and those of others that they may be in.
+
+    Attributes:
+        own: Capsule of the body. Shape (C,).
+        others: The other body, and its capsule. Shape (C, 2).
+        allowed: Depth up to which the body's own capsule leaves it [m]. Shape (C,).
+        above: Whether the body's own capsule belongs above it. Shape (C,), bool.
+        spheres: Middle and radius of a sphere around each limb of each body, and around its trunk [m]. Shape (N, 5, 4).
+    """
+
+    own: Array
+    others: Array
+    allowed: Array
+    above: Array
+    spheres: Array
+
+
+@kernel(allocates=False)
+def _leverage(limbs, t, n, capsule, share):
+    """Return how far a point of a capsule goes along with the middle and the end of its limb."""
+    limb = limbs.limbs[n, capsule]
+    if limb < 0:
+        return 0.0, 0.0
+    w = limbs.weights[n, capsule]
+    middle = w[0, JOINT] + share * (w[1, JOINT] - w[0, JOINT])
+    return middle, limbs.freedom[t, n, limb] * (w[0, END] + share * (w[1, END] - w[0, END]))
+
+
+@kernel(allocates=False)
+def _part_of(limbs, t, n, i, own, other, j, theirs):
+    """Return which part of what lies between them the capsule of the other body gives way, by levers of both.
+
+    A limb that lands a strike goes on, and leaves the most to the other one.
+    """
+    limb, limb_2 = limbs.limbs[n, i], limbs.limbs[other, j]
+    own *= _AT_LAST - limbs.landing[t, n, limb]
+    if limb_2 >= 0:
+        theirs *= _AT_LAST - limbs.landing[t, other, limb_2]
+    return theirs / (own + theirs)
+
+
+@kernel(allocates=False)
+def _order_feet(capsules, t, a, i, share, b, j, part, own, theirs):
+    """Return 1 where a foot goes over another one, -1 where it is the other way around, 0 where they are side by side.
+
+    The one that moves more readily goes over the other, and of two that are planted the one of the first avatar.
+    """
+    p, q, r, s = capsules.starts[t, a, i], capsules.ends[t, a, i], capsules.starts[t, b, j], capsules.ends[t, b, j]
+    x = p[0] + share * (q[0] - p[0]) - r[0] - part * (s[0] - r[0])
+    y = p[1] + share * (q[1] - p[1]) - r[1] - part * (s[1] - r[1])
+    z = p[2] + share * (q[2] - p[2]) - r[2] - part * (s[2] - r[2])
+    if y * y < x * x + z * z:
+        return 0
+    return 1 if own > theirs or (own == theirs and a < b) else -1
+
+
+@kernel(allocates=False)
+def _add_contacts(capsules, limbs, t, n, other, contacts, count):
+    """Note the capsules of limbs that are in another body, or near it; return how many are noted.
+
+    Where both can give way, each does its part.
+    """
+    spheres, close = contacts.spheres[n], groups_near(contacts.spheres[other], _MARGIN, contacts.spheres[n])
+    for j in range(capsules.counts[other] if close > 0 else 0):
+        if not (close >> group_of(limbs.limbs[other, j])) & 1:
+            continue
+        p, q = capsules.starts[t, other, j], capsules.ends[t, other, j]
+        x, y, z = 0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1]), 0.5 * (p[2] + q[2])
+        near = limbs_near(x, y, z, capsules.bounds[other, j], _MARGIN, spheres)
+        if near == 0:
+            continue
+        for i in range(capsules.counts[n]):
+            limb = limbs.limbs[n, i]
+            if limb < 0 or not (near >> limb) & 1 or count == contacts.own.shape[0]:
+                continue
+            if not are_near(capsules, t, n, i, other, j, _MARGIN):
+                continue
+            depth, share, part = capsule_depth(
+                capsules.starts[t, n, i], capsules.ends[t, n, i], capsules.radii[n, i],
+                capsules.starts[t, other, j], capsules.ends[t, other, j], capsules.radii[other, j],
+            )  # fmt: skip
+            if depth <= ALLOWED - (_MARGIN if limb < 2 else _LEG_MARGIN):
+                continue
+            middle, end = _leverage(limbs, t, n, i, share)
+            middle_2, end_2 = _leverage(limbs, t, other, j, part)
+            own, theirs = middle + end, 0.0 if limbs.down[t, other] else middle_2 + end_2
+            above = 0
+            if middle == 0.0 and middle_2 == 0.0 and limbs.limbs[n, i] >= 2 and limbs.limbs[other, j] >= 2:
+                above = _order_feet(capsules, t, n, i, share, other, j, part, own, theirs)
+                own, theirs = own if above >= 0 else 0.0, theirs if above <= 0 else 0.0
+            if own > 1e-3:
+                allowed = _FOOT_IN if limbs.limbs[n, i] >= 2 and middle == 0.0 else ALLOWED
+                if theirs == 0.0 and middle == 0.0:
+                    allowed += limbs.landing[t, n, limbs.limbs[n, i]] * _FIST_IN
+                contacts.own[count] = i
+                contacts.others[count, 0], contacts.others[count, 1] = other, j
+                contacts.above[count] = above > 0
+                theirs = _part_of(limbs, t, n, i, own, other, j, theirs)
+                contacts.allowed[count] = allowed + max(depth - allowed, 0.0) * theirs
+                count += 1
+    return count
+
+
+@kernel(allocates=False)
+def _way_beside(p, q, radii, r, s, others):
+    """Return which way on the floor, x and z, and how far a foot has to go so that all of it is beside a capsule."""
+    x, y, z = 0.5 * (p[0] + q[0]) - r[0], 0.5 * (p[1] + q[1]) - r[1], 0.5 * (p[2] + q[2]) - r[2]
+    dx, dz = s[0] - r[0], s[2] - r[2]
+    share = min(max((x * dx + z * dz) / max(dx * dx + dz * dz, 1e-9), 0.0), 1.0)
+    x, y, z = x - share * dx, y - share * (s[1] - r[1]), z - share * dz
+    far = math.sqrt(x * x + z * z)
+    meet = max(radii[0], radii[1]) + others[0] + share * (others[1] - others[0])
+    half = 0.5 * abs((q[0] - p[0]) * x + (q[2] - p[2]) * z) / max(far, 1e-6)
+    return x, z, half + math.sqrt(max(meet * meet - y * y, 0.0)) - far
+
+
+@kernel(allocates=False)
+def _push(capsules, limbs, t, n, contact, contacts, moves, axis):
+    """Push a limb out of what one of its capsules is in; return whether it was in it."""
+    i, other, j = contacts.own[contact], contacts.others[contact, 0], contacts.others[contact, 1]
+    limb, w, p, q = limbs.limbs[n, i], limbs.weights[n, i], axis[0], axis[1]
+    move, free = moves[limb], limbs.freedom[t, n, limb]
+    for k in range(3):
+        p[k] = capsules.starts[t, n, i, k] + w[0, JOINT] * move[JOINT, k] + free * w[0, END] * move[END, k]
+        q[k] = capsules.ends[t, n, i, k] + w[1, JOINT] * move[JOINT, k] + free * w[1, END] * move[END, k]
+    r, s = capsules.starts[t, other, j], capsules.ends[t, other, j]
+    depth, share, part = capsule_depth(p, q, capsules.radii[n, i], r, s, capsules.radii[other, j])
+    if depth <= contacts.allowed[contact] + _ENOUGH and not contacts.above[contact]:
+        return False
+    x = p[0] + share * (q[0] - p[0]) - r[0] - part * (s[0] - r[0])
+    y = p[1] + share * (q[1] - p[1]) - r[1] - part * (s[1] - r[1])
+    z = p[2] + share * (q[2] - p[2]) - r[2] - part * (s[2] - r[2])
+    far = math.sqrt(x * x + y * y + z * z)
+    if contacts.above[contact] and y < 0.0:
+        depth, x, y, z = depth + 2.0 * far, -x, -y, -z
+    over = depth - contacts.allowed[contact]
+    middle, end = _leverage(limbs, t, n, i, share)
+    if limbs.down[t, other] and limb >= 2 and middle == 0.0 and (free < _STANDS or y < 0.0):
+        # Feet that stand, or are below the middle of a body, go aside, to where all of them is beside it.
+        x, z, beside = _way_beside(p, q, capsules.radii[n, i], r, s, capsules.radii[other, j])
+        y, far, over = 0.0, math.sqrt(x * x + z * z), max(over, beside - contacts.allowed[contact])
+    if over <= _ENOUGH or far < 1e-6:
+        return False
+    push = _STEP * over / max(middle * middle + end * end, _LEAST) / far
+    for point, lever in ((JOINT, middle), (END, end)):
+        move[point, 0] += push * lever * x
+        move[point, 1] += push * lever * y
+        move[point, 2] += push * lever * z
+    return True
+
+
+@kernel(allocates=False)
+def _find_contacts(capsules, limbs, t, n, order, rank, contacts):
+    """Note all capsules that limbs of an avatar are in or near; return how many."""
+    x, z, count = capsules.starts[t, n, 0, 0], capsules.starts[t, n, 0, 2], 0
+    for way in (-1, 1):
+        at = rank + way
+        while 0 <= at < order.shape[0]:
+            other = order[at]
+            # Absent ones are not a number, and end the search too.
+            if not abs(capsules.starts[t, other, 0, 0] - x) < NEAR:
+                break
+            if abs(capsules.starts[t, other, 0, 2] - z) < NEAR:
+                count = _add_contacts(capsules, limbs, t, n, other, contacts, count)
+            at += way
+    return count
+
+
+@kernel
+def deflect_limbs(first, stop, capsules, limbs, order, ranks, asked, moves):
+    """Find how far limbs give way so that they are in no other body, at each of T times.
+
+    Each avatar is pushed out of the others as they are without this; of what lies between two limbs each goes its part.
+
+    Args:
+        first: First of the T x M avatars at times, time by time.
+        stop: One past the last.
+        capsules: The bodies, a ``Capsules``.
+        limbs: Their ``MovingLimbs``.
+        order: The avatars by x of the first capsule, absent ones last. Shape (T, N).
+        ranks: Where each is in that order. Shape (T, N).
+        asked: Avatars whose limbs are asked for. Shape (M,).
+        moves: Written [m]. Shape (T, M, 4, 2, 3).
+    """
+    contacts = _Contacts(
+        np.empty(_CONTACTS, np.int64),
+        np.empty((_CONTACTS, 2), np.int64),
+        np.empty(_CONTACTS, np.float64),
+        np.empty(_CONTACTS, np.bool_),
+        np.empty((order.shape[1], LIMBS + 1, 4)),
+    )
+    axis, own = np.empty((2, 3), np.float32), np.empty((LIMBS, MOVED, 3))
+    bounded = -1
+    for index in range(first, stop):
+        t, m = index // asked.shape[0], index % asked.shape[0]
+        n = asked[m]
+        if t != bounded:
+            bounded = t
+            for other in range(order.shape[1]):
+                bound_limbs(capsules, limbs.limbs[other], t, other, contacts.spheres[other])
+        own[:] = 0.0
+        if math.isfinite(capsules.starts[t, n, 0, 0]) and not limbs.down[t, n]:
+            count = _find_contacts(capsules, limbs, t, n, order[t], ranks[t, n], contacts)
+            for _ in range(_ROUNDS):
+                pushed = False
+                for contact in range(count):
+                    pushed |= _push(capsules, limbs, t, n, contact, contacts, own, axis)
+                if not pushed:
+                    break
+                for limb in range(LIMBS):
+                    if limb < 2:
+                        keep_bones(limbs.joints[t, n, limb], own[limb])
+                    else:
+                        keep_leg(limbs.joints[t, n, limb], own[limb])
+            for limb in range(LIMBS):
+                for k in range(3):
+                    own[limb, END, k] *= limbs.freedom[t, n, limb]
+                limit(own[limb, JOINT])
+                limit(own[limb, END])
+        moves[t, m] = own

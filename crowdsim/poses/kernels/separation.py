@@ -1,0 +1,171 @@
+"""Compiled separation of bodies, arms left out, that lean or go into one another."""
+
+import math
+
+import numpy as np
+
+from crowdsim.core.segments import nearest_on_segments
+from crowdsim.jit import kernel
+from crowdsim.poses.kernels.splines import spline_at
+
+NEAR = 1.6
+"""Distance on the ground beyond which no two bodies meet [m]."""
+_FAR = 1.3
+"""Distance on the ground of the middles of two bodies beyond which they do not meet [m]."""
+_ROOM, _SOFT = 0.01, 0.02
+"""Room that surfaces are given, and how far on either side of that they begin to give way [m]."""
+_MOST = 0.3
+"""Furthest that a body gives way [m]."""
+_ROUNDS = 6
+"""How often bodies are pushed on that are still in one another."""
+AROUND = 8
+"""How many times before and after a time bodies are looked for where they are nearest: who passes through another one
+goes around it on one side, not back and then forward."""
+_STEEP = 0.35
+"""Least cosine of the angle between that way and the way between the bodies that counts: pushes set in gently."""
+_LEFT = 0.01
+"""Depth of legs that is left to knees and feet, which go around [m]."""
+HEAD_POINT, NECK_POINT, PELVIS_POINT, LEG_POINT, SHOULDER_POINT, POINTS = 0, 1, 2, 3, 9, 11
+"""Points of a body: head, neck, pelvis, hip, knee and ankle of either leg, and both ends of the shoulders."""
+PIECES = (
+    (HEAD_POINT, HEAD_POINT), (NECK_POINT, PELVIS_POINT), (9, 10), (3, 4), (6, 7), (4, 5), (7, 8)
+)  # fmt: skip
+"""Capsules of a body, by the points at both ends: head, trunk, shoulders, both thighs and both shins."""
+_PIECES, _LEGS = np.array(PIECES), 3
+"""These, and the first one that is part of a leg."""
+
+
+@kernel(allocates=False)
+def _overlap(own, other, radii, others, x, z):
+    """Return how deep a body is in another one that is moved over the ground [m]; negative where they are apart."""
+    deepest = -math.inf
+    for i in range(len(PIECES)):
+        p, q = own[_PIECES[i, 0]], own[_PIECES[i, 1]]
+        for j in range(len(PIECES)):
+            r, s = other[_PIECES[j, 0]], other[_PIECES[j, 1]]
+            share, part, far = nearest_on_segments(p, q, (r[0] + x, r[1], r[2] + z), (s[0] + x, s[1], s[2] + z))
+            depth = radii[i, 0] + share * (radii[i, 1] - radii[i, 0]) - far
+            depth += others[j, 0] + part * (others[j, 1] - others[j, 0])
+            deepest = max(deepest, depth - _LEFT if i >= _LEGS or j >= _LEGS else depth)
+    return deepest
+
+
+@kernel(inline=True)
+def _between(own, other):
+    """Return the way over the ground between the middles of two bodies."""
+    return (
+        0.5 * (own[HEAD_POINT, 0] + own[PELVIS_POINT, 0] - other[HEAD_POINT, 0] - other[PELVIS_POINT, 0]),
+        0.5 * (own[HEAD_POINT, 2] + own[PELVIS_POINT, 2] - other[HEAD_POINT, 2] - other[PELVIS_POINT, 2]),
+    )
+
+
+@kernel(allocates=False)
+def _way_around(points, t, a, b):
+    """Return the way between two bodies, of length 1, where they are nearest within ``AROUND`` times of a time."""
+    least, x, z = math.inf, 0.0, 0.0
+    for at in range(max(t - AROUND, 0), min(t + AROUND, points.shape[0] - 1)):
+        px, pz = _between(points[at, a], points[at, b])
+        qx, qz = _between(points[at + 1, a], points[at + 1, b])
+        ux, uz = qx - px, qz - pz
+        square = ux * ux + uz * uz
+        if not math.isfinite(square):
+            continue
+        share = min(max(-(px * ux + pz * uz) / max(square, 1e-12), 0.0), 1.0)
+        nx, nz = px + share * ux, pz + share * uz
+        far = math.sqrt(nx * nx + nz * nz)
+        if far < 1e-4:
+            # Straight through the middle they may as well go to the right.
+            nx, nz = uz, -ux
+        size = math.sqrt(nx * nx + nz * nz)
+        if far < least and size > 1e-9:
+            least, x, z = far, nx / size, nz / size
+    return x, z
+
+
+@kernel(allocates=False)
+def _push_pair(points, radii, t, a, b, pushes):
+    """Add what two bodies push each other away."""
+    own, other = points[t, a], points[t, b]
+    x, z = _between(own, other)
+    far = math.sqrt(x * x + z * z)
+    if far > _FAR:
+        return
+    depth = _overlap(own, other, radii[a], radii[b], 0.0, 0.0)
+    if depth <= -_ROOM - _SOFT:
+        return
+    nx, nz = _way_around(points, t, a, b)
+    if far < 1e-6 and nx == 0.0 and nz == 0.0:
+        return
+    if nx == 0.0 and nz == 0.0:
+        nx, nz = x / far, z / far
+    deep = depth + _ROOM
+    apart = far + (deep if deep >= _SOFT else (deep + _SOFT) ** 2 / (4.0 * _SOFT))
+    # As far along that way as brings the middles so far apart as they would be without the depth.
+    along = max(x * nx + z * nz, _STEEP * far)
+    push = 0.5 * (math.sqrt(max(apart * apart - far * far + along * along, 0.0)) - along)
+    # Of bodies that are not round this may be too little.
+    for _ in range(_ROUNDS):
+        rest = _overlap(own, other, radii[a], radii[b], -2.0 * push * nx, -2.0 * push * nz) + _ROOM
+        if rest <= 0.0:
+            break
+        push += 0.5 * rest
+    pushes[a, 0] += push * nx
+    pushes[a, 1] += push * nz
+    pushes[b, 0] -= push * nx
+    pushes[b, 1] -= push * nz
+
+
+@kernel(allocates=False)
+def push_trunks(first, stop, points, radii, order, pushes):
+    """Find how far bodies are pushed out of one another, at each of T times.
+
+    Args:
+        first: First of the times.
+        stop: One past the last.
+        points: The ``POINTS`` of each avatar, NaN while absent [m]. Shape (T, N, 11, 3).
+        radii: Radii of its ``PIECES`` at both ends [m]. Shape (N, 7, 2).
+        order: The avatars by x of the pelvis, absent ones last. Shape (T, N).
+        pushes: Written: x and z [m]. Shape (T, N, 2).
+    """
+    count = order.shape[1]
+    for t in range(first, stop):
+        for n in range(count):
+            pushes[t, n, 0] = pushes[t, n, 1] = 0.0
+        for i in range(count):
+            a = order[t, i]
+            x, z = points[t, a, PELVIS_POINT, 0], points[t, a, PELVIS_POINT, 2]
+            if not math.isfinite(x):
+                break
+            for j in range(i + 1, count):
+                b = order[t, j]
+                # Absent ones are not a number, and end the search too.
+                if not points[t, b, PELVIS_POINT, 0] - x < NEAR:
+                    break
+                if abs(points[t, b, PELVIS_POINT, 2] - z) < NEAR:
+                    _push_pair(points, radii, t, a, b, pushes[t])
+        for n in range(count):
+            far = math.sqrt(pushes[t, n, 0] ** 2 + pushes[t, n, 1] ** 2)
+            if far > 0.0:
+                kept = _MOST * math.tanh(far / _MOST) / far
+                pushes[t, n, 0] *= kept
+                pushes[t, n, 1] *= kept
+
+
+@kernel(allocates=False)
+def shift_roots(first, stop, moments, pushes, poses):
+    """Move whole poses as far as their trunks give way, in place.
+
+    Args:
+        first: First of the moments' avatars.
+        stop: One past the last.
+        moments: Who and when, a ``Moments``.
+        pushes: How far trunks give way, x and z [m], an ``Offsets``.
+        poses: Roots are moved, a ``Posed``.
+    """
+    times = moments.times
+    shared = times.shape[1] == 1
+    for i in range(first, stop):
+        for t in range(times.shape[0]):
+            x, z = spline_at(pushes, times[t, 0 if shared else i], moments.columns[i])
+            poses.roots[t, i, 0] += x
+            poses.roots[t, i, 2] += z

@@ -1,0 +1,127 @@
+"""A layer of poses: what it reads of other avatars, what it plans for a part of a take, how it adds that to poses."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.poses.kernels.records import Moments, Playback, Posed
+from crowdsim.poses.window import Window
+
+if TYPE_CHECKING:
+    from crowdsim.poses.poser import Poser
+
+EVERYWHERE = 1_000
+"""Hops of a layer that counts however far away an avatar is."""
+
+
+class Part:
+    """Avatars of one policy, each at its own time or all at the same times, that are to be posed.
+
+    Attributes:
+        policy: Number of the policy.
+        window: The stretch of the take.
+        moments: Which of its avatars, and when.
+        layers: Names of the layers that pose them.
+        hops: How many avatars lie between these and those that are shown: 0 for these themselves, 1 for those that
+            their fists hit.
+        plans: What each layer so far has planned, by its name.
+    """
+
+    def __init__(self, policy: int, window: Window, moments: Moments, layers: tuple[str, ...], hops: int) -> None:
+        self.policy, self.window, self.moments, self.layers, self.hops = policy, window, moments, layers, hops
+        self.plans: dict[str, Any] = {}
+
+    @cached_property
+    def playback(self) -> Playback:
+        """Where the avatars are."""
+        return self.window.playback(self.moments)
+
+    @cached_property
+    def columns(self) -> Array:
+        """Columns of the window that are posed, ascending."""
+        return np.unique(self.moments.columns)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time [s]."""
+        return float(self.moments.times.min()), float(self.moments.times.max())
+
+    def of(self, times: Array, columns: Array) -> Part:
+        """Return some of it: rows of times and places of avatars, both by index."""
+        part = Part(self.policy, self.window, self.moments, self.layers, self.hops)
+        part.moments = Moments(self.moments.columns[columns], self.moments.times[times])
+        part.playback = Playback(*(values[times][:, columns] for values in self.playback))
+        return part
+
+
+class Layer:
+    """Something that is added to poses.
+
+    Attributes:
+        name: Its name.
+        reach: How far around its time a pose reads the take for it [s].
+        needs: Which layers of other avatars it reads: each stands for itself and all layers before it. A layer that
+            reads itself does so one hop further on.
+        looks: How long before and after its time it reads them [s].
+        hops: Up to how many hops away it counts.
+    """
+
+    name: ClassVar[str]
+    reach: ClassVar[float] = 0.0
+    needs: ClassVar[tuple[str, ...]] = ()
+    looks: ClassVar[tuple[float, float]] = (0.0, 0.0)
+    hops: ClassVar[int] = EVERYWHERE
+
+    def __init__(self, poser: Poser) -> None:
+        self.poser = poser
+
+    def prepare(self, avatars: Array, first: float, last: float) -> None:
+        """Find out at once what many parts need to know of avatars (n,), ascending, from a time to another one [s]."""
+
+    def plan(self, part: Part) -> Any:
+        """Return what ``apply`` and later layers need to know of a part of the take."""
+
+    def apply(self, part: Part, poses: Posed) -> None:
+        """Add the layer to poses, in place; ``part.plans[self.name]`` is what was planned."""
+
+
+class Block(NamedTuple):
+    """Some of the avatars asked for, all at the same times, and their poses.
+
+    Attributes:
+        which: Which of them. Shape (n,).
+        part: Who and when.
+        poses: Their poses.
+    """
+
+    which: Array
+    part: Part
+    poses: Posed
+
+    def joints(self, times: Array) -> tuple[Array, Array]:
+        """Return positions (T, n, J, 3) [m] and rotations (T, n, J, 4) of joints at some of the times."""
+        poses = Posed(self.poses.roots[times], self.poses.rotations[times])
+        return self.part.window.world_joints(poses, self.part.moments.columns)
+
+    def of(self, times: Array, columns: Array, which: Array) -> Block:
+        """Return some of it: rows of times, and places of avatars that are ``which`` of those asked for."""
+        return Block(which, self.part.of(times, columns), Posed(*(values[times][:, columns] for values in self.poses)))
+
+
+class Reader(Layer):
+    """A layer that reads avatars nearby at times of its own around a pose, as the layers before it leave them.
+
+    The poser has these posed along with those that are asked for.
+    """
+
+    def lacking(self, avatars: Array, times: Array) -> tuple[Array, Array]:
+        """Return avatars and times, both ascending, that have to be posed before it for avatars (n,) at times (T,)."""
+        raise NotImplementedError
+
+    def note(self, avatars: Array, posed: Array, times: Array, blocks: list[Block]) -> None:
+        """Plan for avatars (n,) from poses of others (m,) around them at times (T,), both ascending."""
+        raise NotImplementedError

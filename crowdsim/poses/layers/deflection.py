@@ -1,0 +1,251 @@
+"""How far elbows, hands, knees, and feet in the air give way to other bodies, some 60 times a second."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import correlate1d
+
+from crowdsim.core.types import Array
+from crowdsim.core.workers import share
+from crowdsim.poses.capsule_weights import ride_along
+from crowdsim.poses.capsules import PosedBodies, place_capsules
+from crowdsim.poses.down_state import fallen_rows, near_fallen
+from crowdsim.poses.hits import Landed, by_column
+from crowdsim.poses.kept import Kept
+from crowdsim.poses.kernels.bending import Deflections, bend_limbs
+from crowdsim.poses.kernels.deflection import MovingLimbs, deflect_limbs
+from crowdsim.poses.kernels.limb_bounds import LIMBS
+from crowdsim.poses.kernels.limb_moves import END, MOVED
+from crowdsim.poses.kernels.records import Offsets, Posed
+from crowdsim.poses.layer import Block, Part, Reader
+from crowdsim.poses.neighbours import near_avatars
+
+if TYPE_CHECKING:
+    from crowdsim.poses.poser import Poser
+
+_LANDS = 0.1
+"""Time around a strike that lands in which the fist may be in what it hits [s]."""
+_RATE = 60.0
+"""How many times a second limbs are pushed out of bodies, nearly [Hz]: fists pass each other between control frames."""
+_LIMBS = 1.4 * np.array([1.0, 12.0, 66.0, 220.0, 495.0, 792.0, 924.0, 792.0, 495.0, 220.0, 66.0, 12.0, 1.0]) / 4096.0
+_FEET = 1.4 * np.array([1.0, 8.0, 28.0, 56.0, 70.0, 56.0, 28.0, 8.0, 1.0]) / 256.0
+"""Weights of what is found for arms and knees, and for feet, at times that follow one another; it is exaggerated, since
+smoothing lowers its peaks. A knee may have to go to one side of a leg at one time, to the other side at the next."""
+_CREEP, _WIDE = 0.06, 2
+"""How far they go at the most [m], and how long they stay where they have to go, before and after [control frames]."""
+_ASIDE, _BESIDE = 0.25, 1.4
+"""How far they move at the most that a body is near which is down; and how near that is [m]."""
+POSES_AT_ONCE, _FRAMES_AT_ONCE = 64_000, 1024
+"""Most poses that limbs are deflected in at once, and most frames for which others are posed."""
+
+
+class Deflection(Reader):
+    """How far limbs give way.
+
+    At each time of a grid limbs are pushed out of the bodies that are around; they follow a smooth path along these.
+    What that leaves, since limbs do not follow it to the full or others do not do their part, is for another round.
+
+    Attributes:
+        planted: How readily planted feet move, of feet in the air; 0 if they do not.
+    """
+
+    name = "deflection"
+    needs = ("fists",)
+    hops = 0
+    planted = 0.3
+
+    def __init__(self, poser: Poser) -> None:
+        super().__init__(poser)
+        take = poser.take
+        self._riding = [ride_along(motion) for motion in poser.motions]
+        self._fine = max(1, round(_RATE / take.control_rate))
+        frames = max(take.frame_count - 1, 0) * self._fine + 1
+        rate, shape = float(take.control_rate * self._fine), (LIMBS, MOVED, 3)
+        self.moves = Kept(frames, rate, take.avatar_count, shape, self._find)
+        self._is_on = take.collision_avoidance and take.avatar_count > 1
+
+    def lacking(self, avatars: Array, times: Array) -> tuple[Array, Array]:
+        """Return those nearby, and times of the grid, at which poses before it are needed."""
+        if not self._is_on:
+            return avatars, times
+        frames, avatars_missing = self.moves.missing(self._frames(float(times[0]), float(times[-1])), avatars)
+        if not len(frames):
+            return avatars, times
+        rows = frames // self._fine
+        near = near_avatars(self.poser.take, avatars_missing, int(rows.min()), int(rows.max()) + 1)
+        return np.union1d(avatars, near), np.union1d(times, frames / self.moves.rate)
+
+    def note(self, avatars: Array, posed: Array, times: Array, blocks: list[Block]) -> None:
+        """Find moves of avatars (n,) from poses of those around them (m,) at times of the grid among others (T,)."""
+        if not self._is_on:
+            return
+        frames = np.rint(times * self.moves.rate).astype(np.int64)
+        some = np.flatnonzero((frames / self.moves.rate == times) & (frames < self.moves.frames))
+        if not len(some):
+            return
+        missing, avatars_missing = self.moves.missing(frames[some], avatars)
+        if not len(missing):
+            return
+        some = some[np.isin(frames[some], missing, assume_unique=True)]
+        at_once = max(1, POSES_AT_ONCE // len(posed))
+        for low in range(0, len(some), at_once):
+            here = some[low : low + at_once]
+            moves = self._deflect(times[here], avatars_missing, posed, blocks, here)
+            self.moves.note(frames[here], avatars_missing, moves)
+
+    def plan(self, part: Part) -> Deflections | None:
+        """Return how far limbs go; None where none does."""
+        if not self._is_on:
+            return None
+        window, (first, last) = part.window, part.span
+        avatars, frames = window.avatars[part.columns], self._frames(first, last)
+        found = self.moves.rows(frames, avatars)
+        if not found.any():
+            return None
+        # Where a take begins and ends, its first and its last time stand for those beyond.
+        grid, slow, rate = self._grid(first, last), self._slow(first, last), self.poser.take.control_rate
+        fast = found[np.searchsorted(frames, grid)]
+        moves = correlate1d(fast, _LIMBS, axis=0, mode="nearest")
+        moves[:, :, 2:, END] = correlate1d(fast[:, :, 2:, END], _FEET, axis=0, mode="nearest")
+        shown = self.moves.around(first, last)
+        moves = moves[shown - grid[0]]
+        if len(slow):
+            beside = near_fallen(self.poser.take, self.poser.motions, slow[0], slow[-1] + 1, avatars, _BESIDE)
+            feet = found[np.searchsorted(frames, slow * self._fine)][:, :, 2:, END]
+            creeps = _creep(feet, np.where(beside, _ASIDE, _CREEP))
+        else:
+            slow, creeps = np.zeros(1, np.int64), np.zeros((1, found.shape[1], 2, 3), found.dtype)
+        columns = window.columns()
+        near = self.poser.landed.around(first, last, columns)
+        near = near.of(~near.missed)
+        order, starts = by_column(columns[near.attackers], len(window.avatars), near.times)
+        return Deflections(
+            Offsets(_spread(moves, part), int(shown[0]), self.moves.rate),
+            Offsets(_spread(creeps, part), int(slow[0]), float(rate)),
+            starts,
+            near.times[order],
+            near.limbs[order],
+        )
+
+    def apply(self, part: Part, poses: Posed) -> None:
+        """Let limbs go."""
+        deflections, window, motion = part.plans[self.name], part.window, part.window.motion
+        if deflections is not None:
+            share(len(part.moments.columns), bend_limbs, part.moments, deflections, window.foot_plants,
+                  window.rows.sizes, motion.arms, motion.legs, poses, threads=window.threads)  # fmt: skip
+
+    def _grid(self, first: float, last: float) -> Array:
+        """Frames of the grid that limbs depend on from a time to another one."""
+        shown, around = self.moves.around(first, last), len(_LIMBS) // 2
+        return np.arange(max(int(shown[0]) - around, 0), min(int(shown[-1]) + 1 + around, self.moves.frames))
+
+    def _slow(self, first: float, last: float) -> Array:
+        """Control frames that planted feet depend on, if they move."""
+        if not self.planted:
+            return np.zeros(0, np.int64)
+        rate = self.poser.take.control_rate
+        low, high = int(first * rate) - 1 - _WIDE, int(last * rate) + 2 + _WIDE
+        return np.arange(max(low, 0), min(high, self.poser.take.frame_count - 1) + 1)
+
+    def _frames(self, first: float, last: float) -> Array:
+        """Frames of the grid that poses depend on from a time to another one."""
+        return np.union1d(self._grid(first, last), self._slow(first, last) * self._fine)
+
+    def _find(self, frames: Array, avatars: Array) -> Array:
+        """Find moves of avatars (n,) at frames of the grid (R,). Shape (R, n, 4, 2, 3), float32."""
+        found = np.zeros((len(frames), len(avatars), LIMBS, MOVED, 3), np.float32)
+        rows = frames // self._fine
+        for low in range(0, len(frames), _FRAMES_AT_ONCE):
+            here = slice(low, low + _FRAMES_AT_ONCE)
+            times = frames[here] / self.moves.rate
+            near = near_avatars(self.poser.take, avatars, int(rows[here].min()), int(rows[here].max()) + 1)
+            blocks = list(self.poser.stretch(near, times, self.needs[0]))
+            at_once = max(1, POSES_AT_ONCE // len(near))
+            for at in range(0, len(times), at_once):
+                some = np.arange(at, min(at + at_once, len(times)))
+                found[here][some] = self._deflect(times[some], avatars, near, blocks, some)
+        return found
+
+    def _deflect(self, times: Array, asked: Array, near: Array, blocks: list[Block], rows: Array) -> Array:
+        """Moves of avatars (M,) among those near them (n,) at times (T,), rows of blocks. Shape (T, M, 4, 2, 3)."""
+        moves = np.zeros((len(times), len(asked), LIMBS, MOVED, 3), np.float32)
+        if len(near) < 2:
+            return moves
+        take, motions, threads = self.poser.take, self.poser.motions, self.poser.threads
+        cast, posed = take.cast, []
+        scales, girths = np.asarray(cast.scales, dtype=np.float64)[near], np.asarray(cast.girths, dtype=float)[near]
+        for block in blocks:
+            which, joints = block.which, block.joints(rows)
+            body, stretches = motions[block.part.policy].body, cast.stretches[near[which]]
+            posed.append(PosedBodies(body, which, scales[which], girths[which], stretches, *joints))
+        capsules = place_capsules(posed, len(times), len(near), threads)
+        frames = np.clip(np.rint(times * take.control_rate).astype(np.int64), 0, take.frame_count - 1)
+        down = fallen_rows(take, motions, int(frames.min()), int(frames.max()) + 1)
+        limbs = MovingLimbs(
+            np.full((len(times), len(near), LIMBS, 3, 3), np.nan, np.float32),
+            np.full(capsules.bounds.shape, -1, np.int64),
+            np.zeros((*capsules.bounds.shape, MOVED, 2)),
+            _landing(self.poser.landed, near, times),
+            np.ones((len(times), len(near), LIMBS)),
+            np.ascontiguousarray(down[frames - frames.min()][:, near]),
+        )
+        for block, bodies in zip(blocks, posed, strict=True):
+            motion, (riding, weights) = motions[block.part.policy], self._riding[block.part.policy]
+            moments = block.part.moments
+            freedom = block.part.window.free_feet(moments._replace(times=moments.times[rows]))
+            limbs.freedom[:, block.which, 2:] = self.planted + (1.0 - self.planted) * freedom
+            moving = np.concatenate([motion.arms.joints, motion.legs.joints])
+            limbs.joints[:, block.which] = bodies.positions[:, :, moving]
+            own = np.arange(len(riding))
+            limbs.limbs[block.which[:, None], own] = riding
+            limbs.weights[block.which[:, None], own] = weights
+        order = np.argsort(capsules.starts[:, :, 0, 0], axis=1, kind="stable")
+        ranks, columns = np.argsort(order, axis=1, kind="stable"), np.searchsorted(near, asked)
+        share(len(times) * len(asked), deflect_limbs, capsules, limbs, order, ranks, columns, moves, threads=threads)
+        return moves
+
+
+class SecondDeflection(Deflection):
+    """How far limbs give way to what the first round leaves; planted feet stay."""
+
+    name = "second deflection"
+    needs = ("deflection",)
+    planted = 0.0
+
+
+def _spread(values: Array, part: Part) -> Array:
+    """Numbers of all avatars of a window, of those that are posed (R, n, ...)."""
+    count = len(part.window.avatars)
+    if len(part.columns) == count:
+        return np.ascontiguousarray(values)
+    result = np.zeros((len(values), count, *values.shape[2:]), values.dtype)
+    result[:, part.columns] = values
+    return result
+
+
+def _creep(moves: Array, furthest: Array) -> Array:
+    """How far planted feet go: the longest of moves (R, n, 2, 3) in the rows around each, at the most ``furthest``."""
+    longest, lengths = moves.copy(), np.sum(moves**2, axis=-1)
+    most = lengths.copy()
+    for apart in range(1, min(_WIDE, len(moves) - 1) + 1):
+        for one, other in ((slice(apart, None), slice(None, -apart)), (slice(None, -apart), slice(apart, None))):
+            further = lengths[other] > most[one]
+            longest[one] = np.where(further[..., None], moves[other], longest[one])
+            most[one] = np.maximum(lengths[other], most[one])
+    far = np.sqrt(most)[..., None] / furthest[:, :, None, None].astype(moves.dtype)
+    return np.asarray(longest * (1.0 + far**4) ** -0.25)
+
+
+def _landing(landed: Landed, avatars: Array, times: Array) -> Array:
+    """How close to strikes that land limbs of avatars (n,) are at times (T,), from 0 to 1. Shape (T, n, 4)."""
+    near = np.zeros((len(times), len(avatars), LIMBS))
+    some = landed.between(times[0] - _LANDS, times[-1] + _LANDS)
+    some = some.of(~some.missed)
+    column = np.minimum(np.searchsorted(avatars, some.attackers), len(avatars) - 1)
+    known = np.flatnonzero(avatars[column] == some.attackers)
+    close = np.clip(2.0 - 2.0 * np.abs(times[:, None] - some.times[known]) / _LANDS, 0.0, 1.0)
+    rows = np.broadcast_to(np.arange(len(times))[:, None], close.shape)
+    np.maximum.at(near, (rows, *(np.broadcast_to(one[known], close.shape) for one in (column, some.limbs))), close)
+    return near

@@ -1,0 +1,113 @@
+"""Strikes that land touch: the arm, and where it is straight the trunk, carries the fist onto the surface it hits."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.core.workers import share
+from crowdsim.crowd.record import TakeData
+from crowdsim.motion.strikes import HANDS
+from crowdsim.poses.contacts import PoseAt, body_points, find_surfaces, strikes_near, within
+from crowdsim.poses.hits import TOGETHER, Landed, by_column
+from crowdsim.poses.kernels.fists import ELBOW_LEAST, JOINTS, LEAN, Landings, carry_fists
+from crowdsim.poses.kernels.records import Posed
+from crowdsim.poses.layer import Layer, Part
+from crowdsim.poses.motion import PoseMotion
+from crowdsim.poses.trunk_assist import leaning_joints, plan_leans
+
+MOST = 0.35
+"""Furthest that a fist is carried [m]."""
+
+
+class Fists(Layer):
+    """Carries fists onto what they hit, as that is posed with its own fists."""
+
+    name = "fists"
+    needs = ("reactions", "fists")
+    looks = LEAN + TOGETHER, LEAN + TOGETHER
+    hops = 2
+
+    def plan(self, part: Part) -> Landings:
+        """Return where fists touch."""
+        poser, hops = self.poser, part.hops + 1
+        near = strikes_near(poser.landed, part)
+        pose_at, struck_at = (partial(poser.joints, through=name, hops=hops) for name in self.needs)
+        return plan_landings(poser.take, near.of(np.isin(near.limbs, HANDS)), part.window.columns(),
+                             len(part.window.avatars), pose_at, struck_at, part.window.motion, hops == 1)  # fmt: skip
+
+    def apply(self, part: Part, poses: Posed) -> None:
+        """Carry them there."""
+        window, landings = part.window, part.plans[self.name]
+        if len(landings.times):
+            arms, legs = window.motion.arms, window.motion.legs
+            share(len(part.moments.columns), carry_fists, part.moments, landings, window.rows.sizes, arms, legs,
+                  leaning_joints(arms), within(part), poses, threads=window.threads)  # fmt: skip
+
+
+def plan_landings(
+    take: TakeData,
+    near: Landed,
+    columns: Array,
+    count: int,
+    pose_at: PoseAt,
+    struck_at: PoseAt,
+    motion: PoseMotion,
+    shown: bool,
+) -> Landings:
+    """Find how far fists have to be carried.
+
+    Args:
+        take: The take.
+        near: Landed strikes of avatars of the window.
+        columns: Column of every avatar in the window. Shape (N,).
+        count: Number of columns.
+        pose_at: Poses avatars before any of this.
+        struck_at: Poses those who are hit.
+        motion: The motion of those in the window.
+        shown: Whether fists stay outside of bodies as pictures show them.
+    """
+    arms = motion.arms
+    fists, shoulders = np.full((len(near.times), 3), np.nan), np.full((len(near.times), 3), np.nan)
+    posed = pose_at(near.attackers, near.times)
+    for which, body, scales, positions, rotations in posed:
+        rows, hands = np.arange(len(which)), near.hands[which]
+        fists[which] = body_points(body, positions, rotations, scales)[3][rows, hands]
+        shoulders[which] = positions[rows, arms.joints[hands, 0]]
+    shifts = find_surfaces(take, near, fists, shoulders, struck_at, motion.target, shown) - fists
+    length = np.linalg.norm(shifts, axis=-1, keepdims=True)
+    shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))
+    shifts = np.where(np.isfinite(shifts), shifts, 0.0)
+    leans, moves = np.zeros((len(near.times), JOINTS, 3)), np.zeros((len(near.times), 3))
+    for which, _, _, positions, rotations in posed:
+        leans[which], moves[which] = plan_leans(
+            arms,
+            ELBOW_LEAST,
+            near.hands[which],
+            shifts[which],
+            take.cast.arms[near.attackers[which]],
+            positions,
+            rotations,
+        )
+    order, starts = by_column(columns[near.attackers], count, near.times)
+    for values in (leans, moves):
+        # Absent avatars have no positions.
+        values[~np.isfinite(values)] = 0.0
+    _lean_alike(near.attackers[order], near.hands[order], near.times[order], order, leans, moves)
+    result = (near.times, near.hands, shifts, near.spans, fists + shifts, near.blocked, leans, moves)
+    return Landings(starts, *(values[order] for values in result))
+
+
+def _lean_alike(attackers: Array, hands: Array, times: Array, order: Array, leans: Array, moves: Array) -> None:
+    """Let strikes that are one lean as the one of them does that leans furthest, in place."""
+    sizes = np.linalg.norm(leans, axis=(1, 2)) + np.linalg.norm(moves, axis=1)
+    best = order.copy()
+    for away in range(1, 4):
+        near = (attackers[away:] == attackers[:-away]) & (hands[away:] == hands[:-away])
+        near &= times[away:] - times[:-away] <= TOGETHER
+        for one, other in ((slice(away, None), slice(None, -away)), (slice(None, -away), slice(away, None))):
+            further = near & (sizes[order[other]] > sizes[best[one]])
+            best[one] = np.where(further, order[other], best[one])
+    leans[order], moves[order] = leans[best], moves[best]

@@ -1,0 +1,120 @@
+"""Heads turn towards opponents, within what necks allow, at each control frame of a take."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import correlate1d
+
+from crowdsim.core.easing import ease
+from crowdsim.core.types import Array
+from crowdsim.core.workers import share
+from crowdsim.crowd.record import TakeData
+from crowdsim.motion.ground import wrap
+from crowdsim.poses.kept import Kept
+from crowdsim.poses.kernels.gaze import Gaze, turn_heads
+from crowdsim.poses.kernels.records import Offsets, Posed
+from crowdsim.poses.layer import Layer, Part
+from crowdsim.poses.limbs import chain_of
+from crowdsim.poses.motion import PoseMotion
+
+if TYPE_CHECKING:
+    from crowdsim.poses.poser import Poser
+
+_SHARES = {"neck": 0.4, "head": 0.6}
+"""Shares of a turn."""
+_NEAR, _FAR = 6.0, 10.0
+"""Distance up to which avatars look at opponents, and from which they do not [m]."""
+_SPREAD = 4
+"""Control frames before and after over which a turn is averaged, so that a new opponent turns no head at once."""
+_SMOOTH = np.hanning(2 * _SPREAD + 3)[1:-1] / (_SPREAD + 1)
+"""Weights of that average."""
+MOST, _SOFT = np.deg2rad(75.0), np.deg2rad(30.0)
+"""Angle between chest and head about the vertical up to which heads are turned, and range over which they ease into it
+[rad]."""
+_FREE = np.deg2rad(8.0)
+"""Angle off the opponent that heads keep from the motion [rad]."""
+_BEHIND = np.deg2rad(120.0)
+"""Range, up to straight behind, over which heads stop following: there they would have to choose a side [rad]."""
+
+
+def build_gaze(motion: PoseMotion) -> Gaze:
+    """Return what a body looks with."""
+    roles, skeleton = motion.body.roles, motion.skeleton
+    chain = chain_of(skeleton, [roles["head"]])
+    shares = np.zeros(len(chain))
+    for role, part in _SHARES.items():
+        shares[chain == roles[role]] += part
+    return Gaze(np.asarray(skeleton.parents, dtype=np.int64), chain, shares)
+
+
+class HeadTurns(Layer):
+    """Turns heads towards opponents."""
+
+    name = "gaze"
+    hops = 1
+
+    def __init__(self, poser: Poser) -> None:
+        super().__init__(poser)
+        take = poser.take
+        self._gazes = [build_gaze(motion) for motion in poser.motions]
+        self.turns = Kept(take.frame_count, take.control_rate, take.avatar_count, (), self._find)
+
+    def plan(self, part: Part) -> Offsets:
+        """Return how far heads turn about the vertical [rad]."""
+        return self.turns.track(*part.span, part.window.avatars)
+
+    def apply(self, part: Part, poses: Posed) -> None:
+        """Turn them."""
+        gaze, turns = self._gazes[part.policy], part.plans[self.name]
+        share(len(part.moments.columns), turn_heads, part.moments, turns, gaze, poses, threads=part.window.threads)
+
+    def _find(self, frames: Array, avatars: Array) -> Array:
+        """Find how far heads of avatars (n,) turn at control frames (T,) [rad]. Shape (T, n)."""
+        take, first, stop = self.poser.take, int(frames[0]), int(frames[-1]) + 1
+        low, high = max(first - _SPREAD, 0), min(stop + _SPREAD, take.frame_count)
+        ways = _ways(take, low, high, avatars)
+        sizes = np.linalg.norm(ways, axis=-1)
+        action, done, heading = (
+            np.asarray(values[low:high])[:, avatars] for values in (take.action, take.action_frame, take.heading)
+        )
+        done, heading, turns = done.astype(float), heading.astype(float), np.zeros(action.shape)
+        for index, motion in enumerate(self.poser.motions):
+            here = (action >= 0) & (take.cast.policies[avatars] == index) & (sizes > 0.0)
+            way, playback = ways[here], motion.frames_at(action[here], done[here])
+            face, chest = motion.looks[playback].astype(float).T
+            error = wrap(np.arctan2(way[:, 0], way[:, 1]) - heading[here] - face)
+            follows = sizes[here] * ease((np.pi - np.abs(error)) / _BEHIND)
+            turned = wrap(face - chest)
+            error = follows * (error - _FREE * np.tanh(error / _FREE))
+            # A head that the motion itself turns further stays as it is.
+            turns[here] = np.where(motion.down[playback], 0.0, _kept(turned + error) - _kept(turned))
+        # Where a take begins and ends, its first and its last frame stand for those beyond.
+        return correlate1d(turns, _SMOOTH, axis=0, mode="nearest")[frames - low]
+
+
+def _ways(take: TakeData, first: int, stop: int, avatars: Array) -> Array:
+    """Directions to opponents at control frames, x and z; shorter where they are far away. Shape (T, n, 2)."""
+    x, z = (np.asarray(values[first:stop], dtype=float) for values in (take.x, take.z))
+    whom, there = np.asarray(take.opponent[first:stop])[:, avatars], np.asarray(take.action[first:stop]) >= 0
+    rows = np.arange(len(x))[:, None]
+    seen = np.stack([x[rows, np.maximum(whom, 0)], z[rows, np.maximum(whom, 0)]], axis=-1)
+    known = (whom >= 0) & there[rows, np.maximum(whom, 0)]
+    if len(take.target_names):
+        targets = np.asarray(take.targets[first:stop], dtype=float)[..., [0, 2]]
+        scripted = whom < -1
+        seen = np.where(scripted[..., None], targets[rows, np.maximum(-2 - whom, 0)], seen)
+        known |= scripted
+    towards = seen - np.stack([x[:, avatars], z[:, avatars]], axis=-1)
+    far = np.linalg.norm(towards, axis=-1)
+    known &= there[:, avatars] & (far > 1e-6)
+    weights = np.clip((_FAR - far) / (_FAR - _NEAR), 0.0, 1.0)
+    # Where nothing is known, positions may be no numbers.
+    return np.where(known[..., None], towards * (weights / np.maximum(far, 1e-6))[..., None], 0.0)
+
+
+def _kept(angles: Array) -> Array:
+    """The parts of angles that lie within ``MOST``, smoothly."""
+    size, free = np.abs(angles), MOST - _SOFT
+    return np.where(size <= free, angles, np.copysign(free + _SOFT * np.tanh((size - free) / _SOFT), angles))

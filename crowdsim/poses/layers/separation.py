@@ -1,0 +1,161 @@
+"""How far bodies give way to others that lean or go into them, at each control frame of a take."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.core.workers import share
+from crowdsim.motion import quaternion
+from crowdsim.motion.body import Body
+from crowdsim.poses.capsules import trunk_capsules
+from crowdsim.poses.down_state import fallen_rows
+from crowdsim.poses.hits import find_landed
+from crowdsim.poses.kept import Kept
+from crowdsim.poses.kernels.bending import FOOT_LANDS
+from crowdsim.poses.kernels.records import Offsets, Posed
+from crowdsim.poses.kernels.separation import (
+    AROUND,
+    HEAD_POINT,
+    LEG_POINT,
+    NECK_POINT,
+    PELVIS_POINT,
+    PIECES,
+    POINTS,
+    SHOULDER_POINT,
+    push_trunks,
+    shift_roots,
+)
+from crowdsim.poses.layer import Layer, Part
+from crowdsim.poses.motion import PoseMotion
+from crowdsim.poses.neighbours import near_avatars
+
+if TYPE_CHECKING:
+    from crowdsim.poses.poser import Poser
+
+FINE = 2
+"""How often bodies are looked for in a control frame: heads move fast, and further with blends than in the motion."""
+_FRAMES_AT_ONCE = 512
+
+
+class Separation(Layer):
+    """How far bodies give way.
+
+    It depends on how the avatars near an avatar are posed, with blends alone, from five control frames before to five
+    after.
+    """
+
+    name = "separation"
+    needs = ("blend",)
+
+    def __init__(self, poser: Poser) -> None:
+        super().__init__(poser)
+        take = poser.take
+        self._radii = np.zeros((take.avatar_count, len(PIECES), 2))
+        for index, motion in enumerate(poser.motions):
+            self._radii[take.cast.policies == index] = piece_radii(motion.body)
+        landed = find_landed(take)
+        self._kicks = landed.of(~landed.missed & (landed.limbs >= 2))
+        self._radii[:, 0] *= np.asarray(take.cast.scales, float)[:, None]
+        self._radii[:, 1:] *= np.asarray(take.cast.widths, float)[:, None, None]
+        self.pushes = Kept(take.frame_count, take.control_rate, take.avatar_count, (2,), self._find)
+
+    def prepare(self, avatars: Array, first: float, last: float) -> None:
+        """Find how far avatars give way."""
+        self.pushes.rows(self.pushes.around(first, last), avatars)
+
+    def plan(self, part: Part) -> Offsets:
+        """Return how far trunks give way, x and z [m]."""
+        return self.pushes.track(*part.span, part.window.avatars)
+
+    def apply(self, part: Part, poses: Posed) -> None:
+        """Move whole bodies, but where they stand on feet that stay: these let them go aside themselves."""
+        if "feet" not in part.layers:
+            share(len(part.moments.columns), shift_roots, part.moments, part.plans[self.name], poses, threads=1)
+
+    def _find(self, frames: Array, avatars: Array) -> Array:
+        """Find how far avatars (n,) give way at control frames (T,), x and z [m]. Shape (T, n, 2), float32."""
+        found = np.zeros((len(frames), len(avatars), 2), np.float32)
+        if not self.poser.take.collision_avoidance:
+            return found
+        for at in range(0, len(frames), _FRAMES_AT_ONCE):
+            some = frames[at : at + _FRAMES_AT_ONCE]
+            found[at : at + len(some)] = self._find_some(some, avatars)
+        return found
+
+    def _find_some(self, frames: Array, avatars: Array) -> Array:
+        take, around = self.poser.take, 1 + AROUND // FINE
+        low, high = max(int(frames[0]) - around, 0), min(int(frames[-1]) + 1 + around, take.frame_count)
+        near, rows = near_avatars(take, avatars, low, high), np.arange(FINE * low, FINE * (high - 1) + 1)
+        points, pushes = self._points(rows, near), np.zeros((len(rows), len(near), 2), np.float32)
+        order = np.argsort(points[:, :, PELVIS_POINT, 0], axis=1, kind="stable")
+        share(len(rows), push_trunks, points, self._radii[near], order, pushes, threads=self.poser.threads, least=2)
+        return _widest(pushes)[::FINE][frames - low][:, np.searchsorted(near, avatars)]
+
+    def _points(self, rows: Array, avatars: Array) -> Array:
+        """Points of bodies in the world, NaN of who is down, ``FINE`` times a control frame. (R, n, 11, 3)."""
+        poser, first, stop = self.poser, int(rows[0]) // FINE, int(rows[-1]) // FINE + 1
+        absent = np.asarray(poser.take.action[first:stop]) < 0
+        absent = (absent | fallen_rows(poser.take, poser.motions, first, stop))[:, avatars]
+        absent = absent[(rows - rows[0]) // FINE] | absent[-((rows[0] - rows) // FINE)]
+        points = np.full((*absent.shape, POINTS, 3), np.nan, np.float32)
+        there = np.flatnonzero(~absent.all(axis=0))
+        for block in poser.stretch(avatars[there], rows / (FINE * poser.take.control_rate), self.needs[0]):
+            window, some = block.part.window, there[block.which]
+            joints = window.world_joints(block.poses)
+            points[:, some] = body_points(window.motion, *joints, poser.take.cast.scales[avatars[some]])
+        points[absent] = np.nan
+        self._fold_kicking_legs(rows, avatars, points)
+        return points
+
+    def _fold_kicking_legs(self, rows: Array, avatars: Array, points: Array) -> None:
+        """Shrink legs to their hips around the kicks that they land, so that they do not push away whom they hit."""
+        times = rows / (FINE * self.poser.take.control_rate)
+        kicks = self._kicks.between(times[0] - FOOT_LANDS, times[-1] + FOOT_LANDS)
+        kicks = kicks.of(np.isin(kicks.attackers, avatars))
+        for time, attacker, limb in zip(kicks.times, kicks.attackers, kicks.limbs, strict=True):
+            low, high = np.searchsorted(times, [time - FOOT_LANDS, time + FOOT_LANDS])
+            hip = LEG_POINT + 3 * (limb - 2)
+            leg = points[low:high, np.searchsorted(avatars, attacker), hip : hip + 3]
+            leg[:, 1:] = leg[:, :1]
+
+
+def body_points(motion: PoseMotion, positions: Array, rotations: Array, scales: Array) -> Array:
+    """Points of bodies with joints (T, n, J, 3) and (T, n, J, 4), of sizes (n,). Shape (T, n, 11, 3)."""
+    body, roles, sizes = motion.body, motion.body.roles, np.asarray(scales, dtype=float)[:, None]
+    head, chest, across = roles["head"], roles["chest"], trunk_capsules(body)[-1]
+    trunk, ends = [roles["neck"], roles["pelvis"]], [body.capsule_starts[across], body.capsule_ends[across]]
+    found = np.empty((*positions.shape[:2], POINTS, 3))
+    found[:, :, HEAD_POINT] = positions[:, :, head] + sizes * quaternion.rotate(rotations[:, :, head], body.head_offset)
+    found[:, :, NECK_POINT:LEG_POINT] = positions[:, :, trunk]
+    found[:, :, LEG_POINT:SHOULDER_POINT] = positions[:, :, motion.legs.joints.reshape(-1)]
+    turned = quaternion.rotate(np.repeat(rotations[:, :, None, chest], 2, axis=2), np.stack(ends))
+    found[:, :, SHOULDER_POINT:] = positions[:, :, None, chest] + sizes[..., None] * turned
+    return found
+
+
+def piece_radii(body: Body) -> Array:
+    """Return the radii of a body's ``PIECES`` at both ends [m]. Shape (7, 2)."""
+    joints, radii = body.capsule_joints, body.capsule_radii
+    trunk = trunk_capsules(body)
+    thigh, shin = (_taper(radii[joints == body.roles[joint]]) for joint in ("left_hip", "left_knee"))
+    upright, across = [radii[trunk[0], 0]] * 2, radii[trunk[-1]]
+    return np.array([[body.head_radius] * 2, upright, across, thigh, thigh, shin, shin])
+
+
+def _taper(radii: Array) -> list[float]:
+    """Radii of a bone with such capsules at its upper and its lower end, 0 where it has none."""
+    widest = float(radii.max(initial=0.0))
+    return [widest, float(radii.min(initial=widest))]
+
+
+def _widest(pushes: Array) -> Array:
+    """The longest push of each row and of those around it, to a control frame away: poses read them smoothed."""
+    longest, length = pushes.copy(), np.sum(pushes**2, axis=-1)
+    for away in range(1, FINE + 1):
+        for one, other in ((slice(away, None), slice(None, -away)), (slice(None, -away), slice(away, None))):
+            further = length[other] > np.sum(longest[one] ** 2, axis=-1)
+            longest[one] = np.where(further[..., None], pushes[other], longest[one])
+    return longest

@@ -1,0 +1,219 @@
+"""Poses avatars layer by layer, and those first that a layer reads.
+
+Where a fist goes depends on the pose of whom it hits, and that on blows and on fists of its own. With each hop from one
+avatar to the next fewer layers count, so that a pose depends on no more than a stretch of the take around it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.crowd.record import TakeData
+from crowdsim.motion.body import Body
+from crowdsim.poses.hits import Landed, find_landed
+from crowdsim.poses.kernels.records import Moments, Posed
+from crowdsim.poses.layer import Block, Layer, Part, Reader
+from crowdsim.poses.layers import LAYERS
+from crowdsim.poses.layers.blend import Blend
+from crowdsim.poses.motion import PoseMotion
+from crowdsim.poses.neighbours import near_avatars, tiles
+from crowdsim.poses.window import Window
+
+Joints = tuple[Array, Body, Array, Array, Array]
+"""Joints of some of the avatars asked for: which of them (n,), body, sizes (n,), positions (n, J, 3) [m] and rotations
+(n, J, 4) in the world."""
+
+POSES_AT_ONCE, _TOGETHER = 32_000, 600_000
+"""Most poses that layers work on at once, and most whose neighbours are posed with them at once."""
+_AROUND = 40
+"""Times around those asked for at which neighbours are posed, about."""
+_STRETCH = 8.0
+"""Length of stretches in which avatars are posed together, each at its own time [s]."""
+
+
+class Poser:
+    """Poses avatars of a take.
+
+    Args:
+        take: The take.
+        motions: The motion of each of its policies.
+        threads: Threads that share the work.
+        reactions: Whether landed strikes move those whom they hit.
+        kinds: The layers, in the order in which they are added.
+
+    Attributes:
+        landed: Strikes that land.
+    """
+
+    def __init__(
+        self,
+        take: TakeData,
+        motions: Sequence[PoseMotion],
+        threads: int = 1,
+        reactions: bool = True,
+        kinds: Sequence[type[Layer]] = LAYERS,
+    ) -> None:
+        self.take, self.motions, self.threads, self.reactions = take, motions, threads, reactions
+        self.landed: Landed = find_landed(take)
+        self._places = {kind.name: place for place, kind in enumerate(kinds)}
+        self.layers = {kind.name: kind(self) for kind in kinds}
+        self._last = kinds[-1].name
+        # How long before and after a time layers of others are read, one by way of another.
+        self._read = {name: (0.0, 0.0) for name in self.layers}
+        for name, layer in reversed(self.layers.items()):
+            for other in list(self.layers)[: max((self._places[need] for need in layer.needs), default=-1) + 1]:
+                if other != name:
+                    ways = zip(self._read[other], self._read[name], layer.looks, strict=True)
+                    self._read[other] = tuple(max(known, on + more) for known, on, more in ways)
+
+    def part(
+        self,
+        policy: int,
+        avatars: Array,
+        moments: Moments,
+        through: str = "",
+        hops: int = 0,
+        without: tuple[str, ...] = (),
+    ) -> Part:
+        """Return a policy's avatars (n,), ascending, as they are posed.
+
+        Args:
+            policy: Number of the policy.
+            avatars: Avatars of the window.
+            moments: Which of them are posed, and when.
+            through: The last layer; that of all layers by default.
+            hops: How many avatars lie between them and those that are shown.
+            without: Layers that are left out.
+        """
+        last = self._places[through or self._last]
+        names = tuple(
+            name
+            for name, layer in self.layers.items()
+            if self._places[name] <= last and layer.hops >= hops and name not in without
+        )
+        reach = max(self.layers[name].reach for name in names)
+        return Part(policy, self.window(policy, avatars, moments.times, reach), moments, names, hops)
+
+    def window(self, policy: int, avatars: Array, times: Array, reach: float | None = None) -> Window:
+        """Return the stretch of the take that poses of a policy's avatars (n,), ascending, at times [s] read."""
+        reach = max(layer.reach for layer in self.layers.values()) if reach is None else reach
+        rate = self.take.control_rate
+        first = max(0, int(np.floor((times.min() - reach) * rate)))
+        stop = min(self.take.frame_count, int(np.ceil((times.max() + reach) * rate)) + 2)
+        return Window(self.take, self.motions[policy], avatars, first, stop, self.threads)
+
+    def pose(self, part: Part) -> Posed:
+        """Return the poses of a part."""
+        shape = part.playback.frames.shape
+        joints = part.window.motion.skeleton.joint_count
+        poses = Posed(np.empty((*shape, 3), np.float32), np.empty((*shape, joints, 4), np.float32))
+        self._add(part, part.layers, poses)
+        return poses
+
+    def joints(self, avatars: Array, times: Array, through: str = "", hops: int = 0) -> list[Joints]:
+        """Return joints of avatars (E,) at times (E,), each at its own, with the layers up to one of them."""
+        found = []
+        for which, policy, numbers, moments in self.moments(avatars, times):
+            part = self.part(policy, numbers, moments, through, hops)
+            positions, rotations = part.window.world_joints(self.pose(part), moments.columns)
+            scales = part.window.rows.scales[moments.columns]
+            found.append((which, part.window.motion.body, scales, positions[0], rotations[0]))
+        return found
+
+    def moments(self, avatars: Array, times: Array) -> Iterator[tuple[Array, int, Array, Moments]]:
+        """For each policy which of avatars (E,) at times (E,) are its own, its number, these avatars, and when."""
+        owners = self.take.cast.policies[avatars]
+        for policy in np.unique(owners):
+            which = np.flatnonzero(owners == policy)
+            numbers, columns = np.unique(avatars[which], return_inverse=True)
+            yield which, int(policy), numbers, Moments(columns, np.maximum(times[which], 0.0)[None])
+
+    def shown(self, avatars: Array, times: Array) -> list[Joints]:
+        """Return joints of avatars (E,) at times (E,), each at its own, as they are shown."""
+        found, stretches = [], np.floor(times / _STRETCH)
+        for stretch in np.unique(stretches):
+            some = np.flatnonzero(stretches == stretch)
+            found += [(some[which], *rest) for which, *rest in self.joints(avatars[some], times[some])]
+        return found
+
+    def stretch(
+        self, avatars: Array, times: Array, through: str = "", hops: int = 0, without: tuple[str, ...] = ()
+    ) -> Iterator[Block]:
+        """Pose avatars (n,), ascending, at the same times (T,), some at once, with the layers up to one of them."""
+        owners, at_once = self.take.cast.policies[avatars], max(1, POSES_AT_ONCE // max(len(times), 1))
+        for policy in np.unique(owners):
+            # Those near one another read the same others.
+            for some in tiles(self.take, avatars[owners == policy], self._frame_at(times), at_once):
+                moments = Moments(np.arange(len(some)), times[:, None])
+                part = self.part(int(policy), some, moments, through, hops, without)
+                yield Block(np.searchsorted(avatars, some), part, self.pose(part))
+
+    def captured(self, avatars: Array, times: Array) -> Iterator[Block]:
+        """Pose avatars (n,), ascending, at the same times (T,), as they were captured, some at once."""
+        for block in self.stretch(avatars, times, Blend.name):
+            none = np.zeros(len(block.which) + 1, np.int64)
+            block.part.plans[Blend.name] = block.part.window.transitions._replace(starts=none)
+            self.layers[Blend.name].apply(block.part, block.poses)
+            yield block
+
+    def sample(self, avatars: Array, times: Array, without: tuple[str, ...] = ()) -> Iterator[Block]:
+        """Pose avatars (n,), ascending, at the same times (T,), ascending, as they are shown; some at once."""
+        if not len(times) or not len(avatars):
+            return
+        for some in tiles(self.take, avatars, self._frame_at(times), max(_TOGETHER // (len(times) + _AROUND), 1)):
+            which = np.searchsorted(avatars, some)
+            for block in self._sample(some, times, without):
+                yield block._replace(which=which[block.which])
+
+    def _sample(self, avatars: Array, times: Array, without: tuple[str, ...]) -> list[Block]:
+        """Pose avatars and, along with them, those nearby that layers read."""
+        names = tuple(name for name in self.layers if name not in without)
+        readers = [(name, layer) for name in names if isinstance(layer := self.layers[name], Reader)]
+        stages = [(avatars, times)]
+        for _, reader in reversed(readers):
+            stages.insert(0, reader.lacking(*stages[0]))
+        starts = [*(names.index(name) for name, _ in readers), len(names)]
+        self._prepare(*stages[0])
+        blocks = list(self.stretch(*stages[0], names[starts[0] - 1], without=without))
+        for place, (_, reader) in enumerate(readers):
+            now, then, added = stages[place], stages[place + 1], names[starts[place] : starts[place + 1]]
+            reader.note(then[0], *now, blocks)
+            blocks = [one for block in blocks if (one := _narrowed(block, now, then)) is not None]
+            for block in blocks:
+                block.part.layers += added
+                self._add(block.part, added, block.poses)
+        return blocks
+
+    def _prepare(self, avatars: Array, times: Array) -> None:
+        """Let layers plan at once what is read of avatars (n,) and of those around them about times (T,)."""
+        rate, last = self.take.control_rate, self.take.frame_count - 1
+        rows = np.clip([times[0] * rate, times[-1] * rate + 1.0], 0, last).astype(int)
+        near = near_avatars(self.take, avatars, rows[0], rows[1] + 1)
+        for name, layer in self.layers.items():
+            before, after = self._read[name]
+            first, stop = max(float(times[0]) - before, 0.0), min(float(times[-1]) + after, last / rate)
+            layer.prepare(near, first, max(stop, first))
+
+    def _frame_at(self, times: Array) -> int:
+        """The control frame in the middle of times (T,)."""
+        return min(int(times[len(times) // 2] * self.take.control_rate), self.take.frame_count - 1)
+
+    def _add(self, part: Part, names: Sequence[str], poses: Posed) -> None:
+        """Add layers to poses, in place."""
+        for name in names:
+            part.plans[name] = self.layers[name].plan(part)
+            self.layers[name].apply(part, poses)
+
+
+def _narrowed(block: Block, now: tuple[Array, Array], then: tuple[Array, Array]) -> Block | None:
+    """Return of a block of avatars and times ``now`` those that are wanted ``then``."""
+    mine = now[0][block.which]
+    columns = np.flatnonzero(np.isin(mine, then[0], assume_unique=True))
+    if not len(columns):
+        return None
+    if len(columns) == len(mine) and len(now[1]) == len(then[1]):
+        return block._replace(which=np.searchsorted(then[0], mine))
+    return block.of(np.searchsorted(now[1], then[1]), columns, np.searchsorted(then[0], mine[columns]))

@@ -1,0 +1,241 @@
+"""Poses of a take: from what was recorded to joint rotations at any frame rate.
+
+A pose is a pure function of the take and the policies. It depends on the take around its time: on ``REACH`` seconds
+for the motion, more for separation, fists and deflection, and on what hit bodies in the two seconds before. Any range
+of frames, posed alone, gives the same bytes as the whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.crowd.kernels.layout import EVADED, MISSED
+from crowdsim.crowd.record import TakeData
+from crowdsim.errors import TakeError
+from crowdsim.motion import ground
+from crowdsim.motion.body import Body
+from crowdsim.motion.skeleton import Skeleton
+from crowdsim.policy.rewards import posed_distance
+from crowdsim.poses.hits import find_landed
+from crowdsim.poses.kernels.columns import TRUNK
+from crowdsim.poses.kernels.records import Playback, Posed
+from crowdsim.poses.known_actions import with_known_actions
+from crowdsim.poses.layer import Block
+from crowdsim.poses.motion import PoseMotion, prepare_motion
+from crowdsim.poses.poser import Poser
+from crowdsim.poses.window import Window
+from crowdsim.poses.world import world_joints
+
+if TYPE_CHECKING:
+    from crowdsim.policy.policy import Policy
+
+_BLOCK, _AROUND = 8.0, 3.0
+"""Length of stretches that are searched for buried fists at once, and how far around what is posed [s]."""
+_NECK, _NEAR = 0.3, 0.05
+"""Where necks are between head and pelvis, and how near fists that miss may be to be looked at closely [m]."""
+
+_LONG = 0.9
+"""How much nearer a fist may be for each doubling of a limb [m]."""
+_READ, _IN_MEMORY = ("action", "action_frame", "x", "z", "heading", "opponent", "targets"), 4_000_000
+"""What poses read of a take; one of no more avatar-frames than this is read at once, not stretch by stretch."""
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Poses of the avatars of one policy over T times; n avatars, J joints.
+
+    Attributes:
+        policy: Index of the policy in the take.
+        avatars: Numbers of the avatars. Shape (n,).
+        skeleton: Their skeleton, unscaled.
+        scales: Size of each body. Shape (n,).
+        girths: How thick its trunk and limbs are for their length. Shape (n,).
+        stretches: How long the bones of its trunk, legs and arms are for its size. Shape (n, 3).
+        segments: Which of these hangs on each joint, see ``builds.joint_segments``. Shape (J,).
+        root_positions: Position of the root in the world [m]; NaN while absent. Shape (T, n, 3), float32.
+        rotations: Local joint rotations, the root's in the world; NaN while absent. Shape (T, n, J, 4), float32.
+        ground: Ground transform. Shape (T, n, 3), float64.
+    """
+
+    policy: int
+    avatars: Array
+    skeleton: Skeleton
+    scales: Array
+    girths: Array
+    stretches: Array
+    segments: Array
+    root_positions: Array
+    rotations: Array
+    ground: Array
+
+    def at(self, time: int) -> Poses:
+        """Return the poses of one of the times."""
+        here = slice(time, time + 1)
+        return replace(
+            self,
+            root_positions=self.root_positions[here],
+            rotations=self.rotations[here],
+            ground=self.ground[here],
+        )
+
+    def joints(self) -> tuple[Array, Array]:
+        """Return positions (T, n, J, 3) [m] and rotations (T, n, J, 4) of all joints in the world."""
+        poses = Posed(self.root_positions, self.rotations)
+        return world_joints(self.skeleton, self.segments, self.scales, self.stretches, poses)
+
+
+class PoseSampler:
+    """Poses a take, any range of frames at any rate.
+
+    Args:
+        take: The take.
+        policies: Its policies, in the order of ``take.cast.policy_names``.
+        threads: Threads that share the work; the result does not depend on them.
+        reactions: Whether landed strikes move those whom they hit; as the take says when None.
+
+    Raises:
+        TakeError: The policies are not those that the take was recorded with, or it holds actions that they do not
+            have.
+    """
+
+    def __init__(
+        self, take: TakeData, policies: Sequence[Policy], threads: int = 1, reactions: bool | None = None
+    ) -> None:
+        names = take.cast.policy_names
+        if len(policies) != len(names):
+            raise TakeError(f"{len(policies)} policies given, the take has {len(names)}: {', '.join(names)}")
+        for policy, name, fingerprint in zip(policies, names, take.fingerprints, strict=True):
+            if policy.fingerprint != fingerprint:
+                raise TakeError(
+                    f"policy {name!r} is not the one that the take was recorded with (fingerprint "
+                    f"{policy.fingerprint[:12]}, expected {fingerprint[:12]}); run the scenario again"
+                )
+            if policy.database.control_rate != take.control_rate:
+                raise TakeError(
+                    f"policy {name!r} has a control rate of {policy.database.control_rate:g}, expected that of the "
+                    f"take, {take.control_rate:g}"
+                )
+        take = with_known_actions(take, policies)
+        if take.frame_count * take.avatar_count <= _IN_MEMORY:
+            arrays: dict[str, Any] = {name: np.asarray(getattr(take, name)[:]) for name in _READ}
+            take = replace(take, **arrays)
+        self.take = take
+        self.policies = tuple(policies)
+        self.motions = [prepare_motion(policy) for policy in policies]
+        self._poser = Poser(take, self.motions, threads, take.reactions if reactions is None else reactions)
+        self._buried = np.zeros(len(take.events.frame), bool)
+        self._searched: set[int] = set()
+
+    def sample(self, start: int, stop: int, fps: float, avatars: Array | None = None) -> list[Poses]:
+        """Return the poses of output frames ``start`` to ``stop`` at ``fps``, one item a policy that has avatars.
+
+        Args:
+            start: First output frame.
+            stop: One past the last.
+            fps: Output frames a second.
+            avatars: Numbers of the avatars, ascending; all when None.
+        """
+        numbers = np.arange(self.take.avatar_count) if avatars is None else np.asarray(avatars)
+        times = np.arange(start, stop) / fps
+        if len(times):
+            self._look_for_buried(float(times[0]), float(times[-1]))
+        return self._gathered(numbers, times, self._poser.sample(numbers, times))
+
+    def captured(self, start: int, stop: int, fps: float, avatars: Array | None = None) -> list[Poses]:
+        """Return what the capture has there, without blends or anything else; arguments as of ``sample``.
+
+        It is what poses are held against: at transitions it jumps.
+        """
+        numbers = np.arange(self.take.avatar_count) if avatars is None else np.asarray(avatars)
+        times = np.arange(start, stop) / fps
+        return self._gathered(numbers, times, self._poser.captured(numbers, times))
+
+    def _gathered(self, numbers: Array, times: Array, blocks: Iterator[Block]) -> list[Poses]:
+        """Return poses of avatars (n,) at times (T,), policy by policy, with what there is to know of their bodies."""
+        cast, owners = self.take.cast, self.take.cast.policies[numbers]
+        result = {}
+        for index in np.unique(owners):
+            avatars, motion = numbers[owners == index], self.motions[index]
+            shape = len(times), len(avatars)
+            result[int(index)] = Poses(
+                int(index),
+                avatars,
+                motion.skeleton,
+                cast.scales[avatars],
+                cast.girths[avatars],
+                cast.stretches[avatars],
+                motion.segments,
+                np.empty((*shape, 3), np.float32),
+                np.empty((*shape, motion.skeleton.joint_count, 4), np.float32),
+                np.empty((*shape, 3)),
+            )
+        for block in blocks:
+            whole = result[block.part.policy]
+            columns = np.searchsorted(whole.avatars, numbers[block.which])
+            whole.root_positions[:, columns], whole.rotations[:, columns] = block.poses
+            whole.ground[:, columns] = block.part.playback.ground
+        return list(result.values())
+
+    def present(self, avatar: int, start: int, stop: int, fps: float) -> int:
+        """Return in how many of the output frames ``start`` to ``stop`` an avatar is there."""
+        control = np.floor(np.arange(start, stop) / fps * self.take.control_rate + 1e-9).astype(np.int64)
+        control = np.clip(control, 0, self.take.frame_count - 1)
+        action = np.asarray(self.take.action[int(control[0]) : int(control[-1]) + 1, avatar])
+        return int(np.count_nonzero(action[control - control[0]] >= 0))
+
+    def _look_for_buried(self, first: float, last: float) -> None:
+        """Find strikes around a range of times [s] that miss avatars because they are too deep in them."""
+        blocks = range(max(0, int((first - _AROUND) // _BLOCK)), int((last + _AROUND) // _BLOCK) + 1)
+        fresh = [block for block in blocks if block not in self._searched]
+        self._searched.update(fresh)
+        if any([self._mark_buried(block * _BLOCK, (block + 1) * _BLOCK) for block in fresh]):
+            self._poser.landed = find_landed(self.take, self._buried)
+
+    def _mark_buried(self, first: float, last: float) -> bool:
+        """Mark those of a range of times, nearly, since some others may be among them; whether there are any."""
+        events = self.take.events
+        times = np.asarray(events.frame, dtype=np.float64) / self.take.control_rate
+        missed = np.isin(np.asarray(events.outcome), (MISSED, EVADED)) & (np.asarray(events.victim) >= 0)
+        some = np.flatnonzero(missed & (times >= first) & (times < last))
+        points = np.asarray(events.point, dtype=np.float64).reshape(-1, 3)[some]
+        victims = np.asarray(events.victim)[some].astype(np.int64)
+        cast, attackers = self.take.cast, np.asarray(events.attacker)[some].astype(np.int64)
+        for which, motion, sizes, playback in self._placed(victims, times[some]):
+            frames, scales = np.maximum(playback.frames[0], 0), sizes[:, TRUNK]
+            heads, pelvises = (
+                ground.to_world(playback.ground[0], local[frames].astype(float) * scales[:, None])
+                for local in (motion.trunks[:, 0], motion.frames.roots)
+            )
+            body, necks = motion.body, heads + _NECK * (pelvises - heads)
+            radii = body.head_radius * scales, body.torso_radius * self.take.cast.widths[victims[which]]
+            gaps = posed_distance(points[which], heads, necks, pelvises, *radii)
+            # The record knows nothing of legs and arms.
+            unlike = np.abs(cast.stretches[[victims[which], attackers[which]]] - 1.0).sum(axis=(0, 2))
+            self._buried[some[which]] = gaps < (_NEAR + _LONG * unlike) * scales
+        return bool(self._buried[some].any())
+
+    def window(self, index: int, avatars: Array, times: Array) -> Window:
+        """Return the stretch of the take that poses of a policy's avatars (n,), ascending, at times [s] depend on."""
+        return self._poser.window(index, avatars, times)
+
+    def _placed(self, avatars: Array, times: Array) -> Iterator[tuple[Array, PoseMotion, Array, Playback]]:
+        """Return where avatars (E,) are at times (E,): which of them, their motion, sizes of bones and playback."""
+        for which, policy, numbers, moments in self._poser.moments(avatars, times):
+            window = self._poser.window(policy, numbers, moments.times, 0.0)
+            yield which, window.motion, window.rows.sizes[moments.columns], window.playback(moments)
+
+    def moments(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
+        """Pose avatars (E,) at times (E,), each at its own.
+
+        Returns:
+            For each policy which of them are its own (n,), its body, their sizes (n,), positions (n, J, 3) [m] and
+            rotations (n, J, 4) of joints in the world.
+        """
+        if len(times):
+            self._look_for_buried(float(times.min()), float(times.max()))
+        return self._poser.shown(avatars, times)

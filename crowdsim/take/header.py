@@ -1,0 +1,47 @@
+"""Constants of a take, as its attributes hold them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from crowdsim.crowd.record import Cast
+from crowdsim.take.layout import COORDINATES, FORMAT, VERSION
+
+
+@dataclass(frozen=True)
+class TakeHeader:
+    """Constants of a take, known before its first frame; see ``TakeData``."""
+
+    cast: Cast
+    control_rate: float
+    scenario: str
+    seed: int
+    fingerprints: tuple[str, ...]
+    target_names: tuple[str, ...] = ()
+    reactions: bool = True
+    collision_avoidance: bool = True
+
+    def attributes(self, frames: int) -> dict[str, Any]:
+        """Return the attributes of the take while it grows, of which ``frames`` control frames are planned."""
+        cast = self.cast
+        return {
+            "format": FORMAT,
+            "version": VERSION,
+            "scenario": self.scenario,
+            "seed": self.seed,
+            "control_rate": self.control_rate,
+            "status": "running",
+            "frames_planned": frames,
+            "type_names": list(cast.type_names),
+            "team_names": list(cast.team_names),
+            "policy_names": list(cast.policy_names),
+            "policy_fingerprints": list(self.fingerprints),
+            "target_names": list(self.target_names),
+            "reactions": self.reactions,
+            "collision_avoidance": self.collision_avoidance,
+            # xarray reads coordinates that are no dimensions from here.
+            "coordinates": " ".join(COORDINATES),
+            "type_colours": [[None if math.isnan(c) else float(c) for c in row] for row in cast.colours],
+        }
