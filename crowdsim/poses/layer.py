@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -68,6 +69,7 @@ class Layer:
             reads itself does so one hop further on.
         looks: How long before and after its time it reads them [s].
         hops: Up to how many hops away it counts.
+        size: How far it moves any point of a body at the most, together with all that move less [m]; measured.
     """
 
     name: ClassVar[str]
@@ -75,6 +77,7 @@ class Layer:
     needs: ClassVar[tuple[str, ...]] = ()
     looks: ClassVar[tuple[float, float]] = (0.0, 0.0)
     hops: ClassVar[int] = EVERYWHERE
+    size: ClassVar[float] = math.inf
 
     def __init__(self, poser: Poser) -> None:
         self.poser = poser

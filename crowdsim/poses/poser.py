@@ -42,6 +42,8 @@ class Poser:
         motions: The motion of each of its policies.
         threads: Threads that share the work.
         reactions: Whether landed strikes move those whom they hit.
+        without: Names of layers that are left out, of others that are read too.
+        base: A poser of the same take with all layers; those that read none that is left out are shared with it.
         kinds: The layers, in the order in which they are added.
 
     Attributes:
@@ -54,18 +56,26 @@ class Poser:
         motions: Sequence[PoseMotion],
         threads: int = 1,
         reactions: bool = True,
+        without: frozenset[str] = frozenset(),
+        base: Poser | None = None,
         kinds: Sequence[type[Layer]] = LAYERS,
     ) -> None:
         self.take, self.motions, self.threads, self.reactions = take, motions, threads, reactions
         self.landed: Landed = find_landed(take)
         self._places = {kind.name: place for place, kind in enumerate(kinds)}
-        self.layers = {kind.name: kind(self) for kind in kinds}
+        self.layers: dict[str, Layer] = {}
+        for kind in kinds:
+            last = max((self._places[need] for need in kind.needs), default=-1)
+            shares = base is not None and all(self._places[name] > last for name in without)
+            if kind.name not in without:
+                self.layers[kind.name] = base.layers[kind.name] if base is not None and shares else kind(self)
         self._last = kinds[-1].name
         # How long before and after a time layers of others are read, one by way of another.
         self._read = {name: (0.0, 0.0) for name in self.layers}
         for name, layer in reversed(self.layers.items()):
-            for other in list(self.layers)[: max((self._places[need] for need in layer.needs), default=-1) + 1]:
-                if other != name:
+            last = max((self._places[need] for need in layer.needs), default=-1)
+            for other in self.layers:
+                if other != name and self._places[other] <= last:
                     ways = zip(self._read[other], self._read[name], layer.looks, strict=True)
                     self._read[other] = tuple(max(known, on + more) for known, on, more in ways)
 
@@ -159,25 +169,25 @@ class Poser:
             self.layers[Blend.name].apply(block.part, block.poses)
             yield block
 
-    def sample(self, avatars: Array, times: Array, without: tuple[str, ...] = ()) -> Iterator[Block]:
+    def sample(self, avatars: Array, times: Array) -> Iterator[Block]:
         """Pose avatars (n,), ascending, at the same times (T,), ascending, as they are shown; some at once."""
         if not len(times) or not len(avatars):
             return
         for some in tiles(self.take, avatars, self._frame_at(times), max(_TOGETHER // (len(times) + _AROUND), 1)):
             which = np.searchsorted(avatars, some)
-            for block in self._sample(some, times, without):
+            for block in self._sample(some, times):
                 yield block._replace(which=which[block.which])
 
-    def _sample(self, avatars: Array, times: Array, without: tuple[str, ...]) -> list[Block]:
+    def _sample(self, avatars: Array, times: Array) -> list[Block]:
         """Pose avatars and, along with them, those nearby that layers read."""
-        names = tuple(name for name in self.layers if name not in without)
+        names = tuple(self.layers)
         readers = [(name, layer) for name in names if isinstance(layer := self.layers[name], Reader)]
         stages = [(avatars, times)]
         for _, reader in reversed(readers):
             stages.insert(0, reader.lacking(*stages[0]))
         starts = [*(names.index(name) for name, _ in readers), len(names)]
         self._prepare(*stages[0])
-        blocks = list(self.stretch(*stages[0], names[starts[0] - 1], without=without))
+        blocks = list(self.stretch(*stages[0], names[starts[0] - 1]))
         for place, (_, reader) in enumerate(readers):
             now, then, added = stages[place], stages[place + 1], names[starts[place] : starts[place + 1]]
             reader.note(then[0], *now, blocks)

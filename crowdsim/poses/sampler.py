@@ -7,6 +7,7 @@ of frames, posed alone, gives the same bytes as the whole.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -26,6 +27,7 @@ from crowdsim.poses.kernels.columns import TRUNK
 from crowdsim.poses.kernels.records import Playback, Posed
 from crowdsim.poses.known_actions import with_known_actions
 from crowdsim.poses.layer import Block
+from crowdsim.poses.layers import LAYERS
 from crowdsim.poses.motion import PoseMotion, prepare_motion
 from crowdsim.poses.poser import Poser
 from crowdsim.poses.window import Window
@@ -43,6 +45,25 @@ _LONG = 0.9
 """How much nearer a fist may be for each doubling of a limb [m]."""
 _READ, _IN_MEMORY = ("action", "action_frame", "x", "z", "heading", "opponent", "targets"), 4_000_000
 """What poses read of a take; one of no more avatar-frames than this is read at once, not stretch by stretch."""
+
+
+NOTHING: frozenset[str] = frozenset()
+_VISIBLE = 0.5
+"""How far something has to be moved to be seen [px]."""
+
+
+def unseen_layers(scales: Array) -> Iterator[tuple[Array, frozenset[str]]]:
+    """Sort avatars that show at so many pixels a metre (N,) by the layers that move nothing by ``_VISIBLE`` there.
+
+    Yields:
+        Avatars, ascending, and the names of these layers; avatars that show at 0 are left out.
+    """
+    sizes = np.unique([kind.size for kind in LAYERS if kind.size < math.inf])
+    levels = (np.asarray(scales)[:, None] * sizes < _VISIBLE).sum(axis=1)
+    levels[np.asarray(scales) <= 0.0] = -1
+    for level in np.unique(levels[levels >= 0]):
+        unseen = sizes[:level]
+        yield np.flatnonzero(levels == level), frozenset(kind.name for kind in LAYERS if kind.size in unseen)
 
 
 @dataclass(frozen=True)
@@ -127,11 +148,14 @@ class PoseSampler:
         self.take = take
         self.policies = tuple(policies)
         self.motions = [prepare_motion(policy) for policy in policies]
-        self._poser = Poser(take, self.motions, threads, take.reactions if reactions is None else reactions)
         self._buried = np.zeros(len(take.events.frame), bool)
         self._searched: set[int] = set()
+        self._threads, self._reactions = threads, take.reactions if reactions is None else reactions
+        self._posers = {NOTHING: Poser(take, self.motions, self._threads, self._reactions)}
 
-    def sample(self, start: int, stop: int, fps: float, avatars: Array | None = None) -> list[Poses]:
+    def sample(
+        self, start: int, stop: int, fps: float, avatars: Array | None = None, without: frozenset[str] = NOTHING
+    ) -> list[Poses]:
         """Return the poses of output frames ``start`` to ``stop`` at ``fps``, one item a policy that has avatars.
 
         Args:
@@ -139,12 +163,17 @@ class PoseSampler:
             stop: One past the last.
             fps: Output frames a second.
             avatars: Numbers of the avatars, ascending; all when None.
+            without: Names of layers that are left out, see ``unseen_layers``.
         """
         numbers = np.arange(self.take.avatar_count) if avatars is None else np.asarray(avatars)
         times = np.arange(start, stop) / fps
         if len(times):
             self._look_for_buried(float(times[0]), float(times[-1]))
-        return self._gathered(numbers, times, self._poser.sample(numbers, times))
+        if without not in self._posers:
+            whole = self._posers[NOTHING]
+            self._posers[without] = Poser(self.take, self.motions, self._threads, self._reactions, without, whole)
+            self._posers[without].landed = whole.landed
+        return self._gathered(numbers, times, self._posers[without].sample(numbers, times))
 
     def captured(self, start: int, stop: int, fps: float, avatars: Array | None = None) -> list[Poses]:
         """Return what the capture has there, without blends or anything else; arguments as of ``sample``.
@@ -153,7 +182,7 @@ class PoseSampler:
         """
         numbers = np.arange(self.take.avatar_count) if avatars is None else np.asarray(avatars)
         times = np.arange(start, stop) / fps
-        return self._gathered(numbers, times, self._poser.captured(numbers, times))
+        return self._gathered(numbers, times, self._posers[NOTHING].captured(numbers, times))
 
     def _gathered(self, numbers: Array, times: Array, blocks: Iterator[Block]) -> list[Poses]:
         """Return poses of avatars (n,) at times (T,), policy by policy, with what there is to know of their bodies."""
@@ -194,7 +223,9 @@ class PoseSampler:
         fresh = [block for block in blocks if block not in self._searched]
         self._searched.update(fresh)
         if any([self._mark_buried(block * _BLOCK, (block + 1) * _BLOCK) for block in fresh]):
-            self._poser.landed = find_landed(self.take, self._buried)
+            landed = find_landed(self.take, self._buried)
+            for poser in self._posers.values():
+                poser.landed = landed
 
     def _mark_buried(self, first: float, last: float) -> bool:
         """Mark those of a range of times, nearly, since some others may be among them; whether there are any."""
@@ -221,12 +252,12 @@ class PoseSampler:
 
     def window(self, index: int, avatars: Array, times: Array) -> Window:
         """Return the stretch of the take that poses of a policy's avatars (n,), ascending, at times [s] depend on."""
-        return self._poser.window(index, avatars, times)
+        return self._posers[NOTHING].window(index, avatars, times)
 
     def _placed(self, avatars: Array, times: Array) -> Iterator[tuple[Array, PoseMotion, Array, Playback]]:
         """Return where avatars (E,) are at times (E,): which of them, their motion, sizes of bones and playback."""
-        for which, policy, numbers, moments in self._poser.moments(avatars, times):
-            window = self._poser.window(policy, numbers, moments.times, 0.0)
+        for which, policy, numbers, moments in self._posers[NOTHING].moments(avatars, times):
+            window = self._posers[NOTHING].window(policy, numbers, moments.times, 0.0)
             yield which, window.motion, window.rows.sizes[moments.columns], window.playback(moments)
 
     def moments(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
@@ -238,4 +269,4 @@ class PoseSampler:
         """
         if len(times):
             self._look_for_buried(float(times.min()), float(times.max()))
-        return self._poser.shown(avatars, times)
+        return self._posers[NOTHING].shown(avatars, times)

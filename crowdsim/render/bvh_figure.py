@@ -18,7 +18,7 @@ from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip
 from crowdsim.motion.tracks import clip_tracks
 from crowdsim.render.figure import Figure, bone_capsules
-from crowdsim.render.source import no_strikes
+from crowdsim.render.source import Shown, no_strikes
 
 BVH_CAMERA = "front+side"
 MOST_FPS = 60.0
@@ -72,7 +72,7 @@ class ClipSource:
         """Return the ground transforms at some frames. Shape (n, 1, 3)."""
         return self.grounds[np.asarray(frames), None]
 
-    def poses(self, frame: int) -> list[tuple[Array, Array]]:
+    def poses(self, frame: int, shown: Shown | None = None) -> list[tuple[Array, Array]]:
         """Return the pose at a frame."""
         return [(self.positions[frame : frame + 1], self.rotations[frame : frame + 1])]
 

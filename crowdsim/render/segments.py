@@ -66,7 +66,7 @@ def draw_segment(stage: Stage, work: Work, threads: int, count: Callable[[int], 
         path = work.folder / f"{frame:06d}.png" if work.folder else None
         if path and work.part is None and has_mark(path, stage.mark):
             return None
-        picture = stage.picture(frame)
+        picture = stage.picture(frame, stop=work.stop)
         if path and not has_mark(path, stage.mark):
             write_png(path, picture, stage.mark)
         return planes(picture) if work.part else None

@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.render.figure import Figure
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What is to be seen of a source.
+
+    Attributes:
+        stop: One past the last frame that is drawn after one another.
+        scales: Returns at how many pixels a metre each avatar shows at a frame, 0 where nothing of it does. Shape (N,).
+    """
+
+    stop: int
+    scales: Callable[[int], Array]
 
 
 class PoseSource(Protocol):
@@ -80,11 +94,16 @@ class PoseSource(Protocol):
     def ground(self, frames: Array) -> Array:
         """Return the ground transforms of all avatars at some frames; NaN while absent. Shape (n, N, 3)."""
 
-    def poses(self, frame: int) -> list[tuple[Array, Array]]:
+    def poses(self, frame: int, shown: Shown | None = None) -> list[tuple[Array, Array]]:
         """Return for each figure the poses of its avatars, ascending, at a frame.
 
+        Args:
+            frame: The frame.
+            shown: What is to be seen of them; everything when None. What moves nothing by half a pixel may be left out.
+
         Returns:
-            World positions [m] (n, J, 3) and rotations (n, J, 4), scaled already and NaN while absent, a pair a figure.
+            World positions [m] (n, J, 3) and rotations (n, J, 4), scaled already and NaN while absent or out of sight,
+            a pair a figure.
         """
 
     def recent_strikes(self, frame: int) -> tuple[Array, Array, Array, Array]:

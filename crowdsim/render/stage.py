@@ -14,7 +14,7 @@ from crowdsim.render.caption import draw_caption
 from crowdsim.render.crowd_path import watch
 from crowdsim.render.raycast import Flashes, draw
 from crowdsim.render.scene import Cast, build_cast
-from crowdsim.render.source import PoseSource
+from crowdsim.render.source import PoseSource, Shown
 
 VERSION = 4
 """Counts changes after which pictures differ."""
@@ -44,10 +44,20 @@ class Stage:
     caption: bool
     mark: str
 
-    def picture(self, frame: int, threads: int = 1) -> Array:
-        """Draw a frame. Shape (height, width, 3), uint8."""
+    def picture(self, frame: int, threads: int = 1, stop: int | None = None) -> Array:
+        """Draw a frame.
+
+        Args:
+            frame: The frame.
+            threads: Threads that share the picture.
+            stop: One past the last frame that is drawn after it; that of the next one when None.
+
+        Returns:
+            Shape (height, width, 3), uint8.
+        """
         points, ages, speeds, outcomes = self.source.recent_strikes(frame)
-        capsules = self.cast.place(self.source.poses(frame), self.source.markers(frame))
+        shown = Shown(stop or frame + 1, self.scales)
+        capsules = self.cast.place(self.source.poses(frame, shown), self.source.markers(frame))
         young = np.asarray(ages) < FLASH
         flashes = Flashes(
             np.asarray(points)[young],
@@ -55,8 +65,7 @@ class Stage:
             0.55 + 0.45 * np.clip(np.asarray(speeds)[young] / 9.0, 0.0, 1.0),
             np.asarray(outcomes)[young],
         )
-        width, height = self.size
-        edges = [round(width * i / len(self.tracks)) for i in range(len(self.tracks) + 1)]
+        height, edges = self.size[1], self._edges()
         parts = [
             draw(capsules, track.view(frame), (right - left, height), track.sun, flashes, threads, self.source.arena)
             for track, left, right in zip(self.tracks, edges[:-1], edges[1:], strict=True)
@@ -67,6 +76,20 @@ class Stage:
         if self.caption:
             draw_caption(picture, self.title(frame))
         return picture
+
+    def scales(self, frame: int) -> Array:
+        """Return at how many pixels a metre each avatar shows at a frame, 0 where nothing of it does. Shape (N,)."""
+        ground, edges = self.source.ground(np.array([frame]))[0], self._edges()
+        ground = np.where(np.isfinite(ground), ground, 0.0)
+        seen = [
+            track.view(frame).scales(ground, (right - left, self.size[1]))
+            for track, left, right in zip(self.tracks, edges[:-1], edges[1:], strict=True)
+        ]
+        return np.asarray(np.max(seen, axis=0))
+
+    def _edges(self) -> list[int]:
+        """Left edge of each camera's part, and the right edge of the last [px]."""
+        return [round(self.size[0] * i / len(self.tracks)) for i in range(len(self.tracks) + 1)]
 
     def title(self, frame: int) -> str:
         """Return the caption of a frame: name, avatars, time."""

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from collections import OrderedDict
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.policy.policy import Policy
-from crowdsim.poses.sampler import Poses, PoseSampler
+from crowdsim.poses.sampler import Poses, PoseSampler, unseen_layers
 from crowdsim.render.figure import Figure
+from crowdsim.render.source import Shown
 from crowdsim.take.take import Take
 
 _BLOCK_BYTES = 48 << 20
@@ -22,11 +22,19 @@ _FLASH_REACH = 0.4
 """How far back ``recent_strikes`` looks [s]."""
 
 
+class _Block(NamedTuple):
+    """Poses of frames ``start`` to ``stop``: first frame, poses, and which avatars are seen so at each (T, n)."""
+
+    start: int
+    stop: int
+    scales: Callable[[int], Array] | None
+    poses: list[tuple[int, Poses, Array]]
+
+
 class TakeSource:
     """Motion of a take at a frame rate; a ``PoseSource``.
 
-    Poses are sampled in blocks of frames at fixed places, of which the last few are kept, since what a pose needs of
-    the take around it is the same for its neighbours.
+    Frames that are drawn one after another are posed together, since they need the same of the take around them.
 
     Args:
         take: The take.
@@ -72,7 +80,12 @@ class TakeSource:
         self.fingerprint = _digest(take)
         joints = max(policy.database.skeleton.joint_count for policy in policies)
         self._block = int(np.clip(_BLOCK_BYTES // (take.avatar_count * joints * 16), 1, _MOST_FRAMES))
-        self._blocks: OrderedDict[int, list[Poses]] = OrderedDict()
+        self._blocks: list[_Block] = []
+        self._joints = [policies[index].database.skeleton.joint_count for index in present]
+        self._counts = np.bincount(self.avatar_figures, minlength=len(present))
+        self._columns = np.zeros(take.avatar_count, np.int64)
+        for figure in range(len(present)):
+            self._columns[self.avatar_figures == figure] = np.arange(self._counts[figure])
         self._lock = threading.Lock()
         aimed = np.flatnonzero(np.asarray(take.events.victim) != -1)
         aimed = aimed[np.argsort(np.asarray(take.events.frame, float)[aimed], kind="stable")]
@@ -101,21 +114,44 @@ class TakeSource:
         high = np.concatenate([high[..., :2], (low[..., 2] + turn)[..., None]], axis=-1)
         return np.asarray(low + part * (high - low))
 
-    def poses(self, frame: int) -> list[tuple[Array, Array]]:
+    def poses(self, frame: int, shown: Shown | None = None) -> list[tuple[Array, Array]]:
         """Return the poses of each body's avatars at a frame: places (n, J, 3) [m] and rotations (n, J, 4)."""
-        start = frame - frame % self._block
+        scales = shown.scales if shown else None
         with self._lock:
-            block = self._blocks.get(start)
+            block = next((one for one in self._blocks if one.start <= frame < one.stop and one.scales == scales), None)
             if block is None:
-                block = self._sampler.sample(start, min(start + self._block, self.frame_count), self.fps)
-                self._blocks[start] = block
-                while len(self._blocks) > 2:
-                    self._blocks.popitem(last=False)
-        posed = []
-        for poses in block:
-            positions, rotations = poses.at(frame - start).joints()
-            posed.append((positions[0], rotations[0]))
-        return posed
+                stop = min(frame + self._block, self.frame_count, shown.stop if shown else frame + 1)
+                block = self._sample(frame, stop, scales)
+                self._blocks = [block, *self._blocks[:1]]
+        whole = [
+            (np.full((count, joints, 3), np.nan, np.float32), np.full((count, joints, 4), np.nan, np.float32))
+            for count, joints in zip(self._counts, self._joints, strict=True)
+        ]
+        for first, poses, there in block.poses:
+            row = frame - first
+            if 0 <= row < len(there) and there[row].any():
+                positions, rotations = poses.at(row).joints()
+                some = poses.avatars[there[row]]
+                figure = int(self.avatar_figures[some[0]])
+                whole[figure][0][self._columns[some]] = positions[0, there[row]]
+                whole[figure][1][self._columns[some]] = rotations[0, there[row]]
+        return whole
+
+    def _sample(self, start: int, stop: int, scales: Callable[[int], Array] | None) -> _Block:
+        """Pose frames ``start`` to ``stop``, each avatar with the layers that are seen of it."""
+        levels: dict[frozenset[str], Array] = {}
+        for frame in range(start, stop):
+            seen = np.full(self.take.avatar_count, np.inf) if scales is None else scales(frame)
+            for avatars, without in unseen_layers(seen):
+                there = levels.setdefault(without, np.zeros((stop - start, self.take.avatar_count), bool))
+                there[frame - start, avatars] = True
+        found = []
+        for without, there in levels.items():
+            rows, some = np.flatnonzero(there.any(axis=1)), np.flatnonzero(there.any(axis=0))
+            low, high = int(rows[0]), int(rows[-1]) + 1
+            for poses in self._sampler.sample(start + low, start + high, self.fps, some, without):
+                found.append((start + low, poses, there[low:high, poses.avatars]))
+        return _Block(start, stop, scales, found)
 
     def recent_strikes(self, frame: int) -> tuple[Array, Array, Array, Array]:
         """Return points [m], time since [s], speeds [m/s] and outcomes of strikes a moment before a frame."""

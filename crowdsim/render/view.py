@@ -11,6 +11,10 @@ from crowdsim.core.types import Array
 
 FIELD = math.radians(36.0)
 """Angle between the upper and lower edge of the picture [rad]."""
+_MIDDLE, _NEAREST = 1.0, 0.1
+"""Height of the middle of an avatar, and half its extent; and least distance at which one is seen [m]."""
+_ROOM = 7.0
+"""How far out of view the middle of an avatar may be that is seen, or its shadow [m]."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,26 @@ class View:
         return np.concatenate(
             [self.eye, self.right, up, self.ahead, [focal, 0.5 * width, 0.5 * height, self.haze]]
         ).astype(np.float64)
+
+    def scales(self, ground: Array, size: tuple[int, int]) -> Array:
+        """Return at how many pixels a metre avatars show at the most, 0 where neither they nor their shadows do.
+
+        Args:
+            ground: Their ground transforms. Shape (N, 3).
+            size: Width and height of the picture [px].
+
+        Returns:
+            Shape (N,).
+        """
+        packed, beside = self.pack(*size), np.array([0.5 * size[0], 0.5 * size[1]])
+        focal = packed[12]
+        away = np.stack([ground[:, 0], np.full(len(ground), _MIDDLE), ground[:, 1]], axis=1) - self.eye
+        right, up, ahead = (away @ packed[3:12].reshape(3, 3).T).T
+        tangents = beside / focal
+        room = _ROOM * np.sqrt(1.0 + tangents**2)
+        there = (ahead > -_ROOM) & (np.abs(right) - tangents[0] * ahead < room[0])
+        there &= np.abs(up) - tangents[1] * ahead < room[1]
+        return np.where(there, focal / np.maximum(ahead - _MIDDLE, _NEAREST), 0.0)
 
 
 def directions(azimuth: float, elevation: float) -> tuple[Array, Array, Array]:

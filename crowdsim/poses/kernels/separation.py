@@ -14,6 +14,8 @@ _FAR = 1.3
 """Distance on the ground of the middles of two bodies beyond which they do not meet [m]."""
 _ROOM, _SOFT = 0.01, 0.02
 """Room that surfaces are given, and how far on either side of that they begin to give way [m]."""
+_CLEAR = _ROOM + _SOFT + 0.001
+"""Distance of surfaces from which bodies do not give way, and a little [m]."""
 _MOST = 0.3
 """Furthest that a body gives way [m]."""
 _ROUNDS = 6
@@ -35,15 +37,32 @@ _PIECES, _LEGS = np.array(PIECES), 3
 """These, and the first one that is part of a leg."""
 
 
+@kernel(inline=True)
+def _are_apart(p, q, r, s, least):
+    """Whether two segments are further apart along one of the axes of the world than a distance."""
+    return (
+        max(min(p[0], q[0]) - max(r[0], s[0]), min(r[0], s[0]) - max(p[0], q[0])) > least
+        or max(min(p[2], q[2]) - max(r[2], s[2]), min(r[2], s[2]) - max(p[2], q[2])) > least
+        or max(min(p[1], q[1]) - max(r[1], s[1]), min(r[1], s[1]) - max(p[1], q[1])) > least
+    )
+
+
 @kernel(allocates=False)
 def _overlap(own, other, radii, others, x, z):
-    """Return how deep a body is in another one that is moved over the ground [m]; negative where they are apart."""
+    """Return how deep a body is in another one that is moved over the ground [m]; negative where they are apart.
+
+    Where that is further than bodies give way from, it is not said how far.
+    """
     deepest = -math.inf
     for i in range(len(PIECES)):
         p, q = own[_PIECES[i, 0]], own[_PIECES[i, 1]]
         for j in range(len(PIECES)):
-            r, s = other[_PIECES[j, 0]], other[_PIECES[j, 1]]
-            share, part, far = nearest_on_segments(p, q, (r[0] + x, r[1], r[2] + z), (s[0] + x, s[1], s[2] + z))
+            start, end = other[_PIECES[j, 0]], other[_PIECES[j, 1]]
+            r, s = (start[0] + x, start[1], start[2] + z), (end[0] + x, end[1], end[2] + z)
+            widest = max(radii[i, 0], radii[i, 1]) + max(others[j, 0], others[j, 1])
+            if _are_apart(p, q, r, s, widest + _CLEAR):
+                continue
+            share, part, far = nearest_on_segments(p, q, r, s)
             depth = radii[i, 0] + share * (radii[i, 1] - radii[i, 0]) - far
             depth += others[j, 0] + part * (others[j, 1] - others[j, 0])
             deepest = max(deepest, depth - _LEFT if i >= _LEGS or j >= _LEGS else depth)

@@ -52,6 +52,7 @@ class Deflection(Reader):
     """
 
     name = "deflection"
+    size = 0.3
     needs = ("fists",)
     hops = 0
     planted = 0.3
@@ -211,6 +212,7 @@ class SecondDeflection(Deflection):
     """How far limbs give way to what the first round leaves; planted feet stay."""
 
     name = "second deflection"
+    size = 0.2
     needs = ("deflection",)
     planted = 0.0
 

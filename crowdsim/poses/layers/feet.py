@@ -32,6 +32,7 @@ class Feet(Layer):
     """
 
     name = "feet"
+    size = 0.6
     reach = REACH
     hops = 1
 

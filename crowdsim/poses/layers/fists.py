@@ -26,6 +26,7 @@ class Fists(Layer):
     """Carries fists onto what they hit, as that is posed with its own fists."""
 
     name = "fists"
+    size = 0.4
     needs = ("reactions", "fists")
     looks = LEAN + TOGETHER, LEAN + TOGETHER
     hops = 2

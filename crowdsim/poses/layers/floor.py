@@ -30,6 +30,7 @@ class Floor(Layer):
     """Bodies that are down rest on the floor."""
 
     name = "floor"
+    size = 0.4
     hops = 1
 
     def __init__(self, poser: Poser) -> None:

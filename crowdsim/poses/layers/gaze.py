@@ -53,6 +53,7 @@ class HeadTurns(Layer):
     """Turns heads towards opponents."""
 
     name = "gaze"
+    size = 0.2
     hops = 1
 
     def __init__(self, poser: Poser) -> None:

@@ -13,6 +13,7 @@ class Hands(Layer):
     """Lifts hands that would be under the floor; where legs and arms are as captured, they stay as they are."""
 
     name = "hands"
+    size = 0.4
     hops = 1
 
     def apply(self, part: Part, poses: Posed) -> None:

@@ -39,6 +39,7 @@ class Kicks(Layer):
     """Carries feet onto what they hit, as that is posed with its own strikes."""
 
     name = "kicks"
+    size = 0.4
     reach = BLEND
     needs = ("reactions", "fists")
     looks = LEAN + TOGETHER, LEAN + TOGETHER

@@ -29,6 +29,7 @@ class Lowering(Layer):
     """
 
     name = "pelvis"
+    size = 0.075
     hops = 1
 
     def __init__(self, poser: Poser) -> None:

@@ -59,6 +59,7 @@ class Reactions(Layer):
     """Blows throw head and trunk back."""
 
     name = "reactions"
+    size = 0.6
     needs = ("separation",)
     looks = (ROUNDS + 1) * LENGTH + _KICK, RISE
 

@@ -48,6 +48,7 @@ class Separation(Layer):
     """
 
     name = "separation"
+    size = 0.4
     needs = ("blend",)
 
     def __init__(self, poser: Poser) -> None:
