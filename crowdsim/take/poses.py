@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.kernels.layout import EVADED, MISSED
@@ -130,16 +131,16 @@ class PoseSampler:
         self._buried = np.zeros(len(take.events.frame), bool)
         self._searched: set[int] = set()
 
-    def sample(self, start: int, stop: int, fps: float, avatars: Array | None = None) -> list[Poses]:
+    def sample(self, start: int, stop: int, fps: float, avatars: ArrayLike | None = None) -> list[Poses]:
         """Return the poses of output frames ``start`` to ``stop`` at ``fps``, one item a policy that has avatars.
 
         Args:
             start: First output frame.
             stop: One past the last.
             fps: Output frames a second.
-            avatars: Numbers of the avatars, ascending; all when None.
+            avatars: Numbers or names of the avatars, in the order of their numbers; all when None.
         """
-        numbers = np.arange(self.take.avatar_count) if avatars is None else np.asarray(avatars)
+        numbers = self.take.cast.numbers(avatars)
         times = np.arange(start, stop) / fps
         if len(times):
             self._look_for_buried(float(times[0]), float(times[-1]))
@@ -148,12 +149,12 @@ class PoseSampler:
             result.append(self._named(index, numbers[which], poses, playback))
         return result
 
-    def captured(self, start: int, stop: int, fps: float, avatars: Array | None = None) -> list[Poses]:
+    def captured(self, start: int, stop: int, fps: float, avatars: ArrayLike | None = None) -> list[Poses]:
         """Return what the capture has there, without blends or anything else; arguments as of ``sample``.
 
         It is what poses are held against: at transitions it jumps.
         """
-        numbers = np.arange(self.take.avatar_count) if avatars is None else np.asarray(avatars)
+        numbers = self.take.cast.numbers(avatars)
         owners = self.take.cast.policies[numbers]
         times = (np.arange(start, stop) / fps)[:, None]
         result = []
