@@ -130,7 +130,7 @@ def read(folder: Path) -> dict[str, float]:
 
 def run_large(folder: Path, avatars: int) -> dict[str, float]:
     """Return what writing the take of a large crowd costs beside writing as many bytes."""
-    scenario = load_scenario("crowd_1m", ["outputs={}"], frames=(LARGE_FRAMES, False), fraction=avatars / AVATARS)
+    scenario = load_scenario("crowd_1m", ["outputs={}"], frames=LARGE_FRAMES, fraction=avatars / AVATARS)
     run_to(folder, scenario, threads=os.cpu_count() or 1)
     seconds, files, take = read_manifest(folder)["seconds"], contents(folder / "take.zarr"), open_take(folder)
     rows = [np.asarray(getattr(take, name)) for name in VARIABLES]
@@ -156,11 +156,11 @@ def run_large(folder: Path, avatars: int) -> dict[str, float]:
 
 def measure(frames: int, avatars: int) -> dict[str, Any]:
     """Return all figures."""
-    scenario = load_scenario("brawl_30", ["outputs={}"], frames=(frames, False))
+    scenario = load_scenario("brawl_30", ["outputs={}"], frames=frames)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         # Kernels are compiled and loaded, the policy trained.
-        run_to(folder / "warm", load_scenario("brawl_30", ["outputs={}"], frames=(100, False)))
+        run_to(folder / "warm", load_scenario("brawl_30", ["outputs={}"], frames=100))
         report = {"long": run_long(scenario, folder / "long")}
         report["read"] = read(folder / "long")
         report["killed"] = run_killed(scenario, folder / "killed", frames, folder / "long")

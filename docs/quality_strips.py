@@ -178,8 +178,8 @@ def main() -> None:
     parser.add_argument("picture", type=Path, nargs="?", default=Path(__file__).parent / "quality_strips.png")
     parser.add_argument("--seed", type=int, default=1, help="which five are drawn")
     options = parser.parse_args()
-    take, policies, _ = open_run(options.run)
-    draw_strips(PoseSampler(take, policies, threads=2), options.picture, options.seed)
+    run = open_run(options.run)
+    draw_strips(PoseSampler(run, run.policies, threads=2), options.picture, options.seed)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from crowdsim import PoseSampler, load_scenario, open_run, read_bvh, run_to, to_clip, write_bvh
+from crowdsim import load_scenario, open_run, read_bvh, run_to, to_clip, write_bvh
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.performer.session import perform_solo
@@ -69,8 +69,8 @@ def test_a_run_is_read_as_the_package_has_it(witness: SimpleNamespace, workplace
     (workplace / "two.yaml").write_text(SCENARIO)
     run_to(workplace / "run", load_scenario("two.yaml"))
     run = witness.exported_scenes.open_exported(workplace / "run", workplace / "policies", workplace, None)
-    take, policies, _ = open_run(workplace / "run")
-    sampler = PoseSampler(take, policies)
+    take = open_run(workplace / "run")
+    sampler, policies = take.sampler, take.policies
     poses = sampler.sample(0, take.output_frames(60), 60)[0]
     positions, _ = poses.joints()
     database, times = policies[0].database, np.arange(len(positions)) / 60.0

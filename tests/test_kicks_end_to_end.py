@@ -97,7 +97,7 @@ def test_kicks_land_and_touch_in_a_run(inside: Path) -> None:
     )  # fmt: skip
     assert crowdsim("run", file, "--out", "run", "--threads", "1") == 0
     run = package.open_run("run")
-    events = run.take.events
+    events = run.events
     limbs, landed = np.asarray(events.limb), np.asarray(events.landed)
     assert set(limbs.tolist()) <= {2, 3}
     np.testing.assert_array_equal(np.asarray(events.hand), limbs % 2)
@@ -105,10 +105,10 @@ def test_kicks_land_and_touch_in_a_run(inside: Path) -> None:
     table = run.strikes(landed=True)
     assert set(table["limb"].tolist()) <= {"left_foot", "right_foot"}
     assert (table["y"] > 0.7).all()
-    figures = measure_take(run.take.sampler)
+    figures = measure_take(run.sampler)
     assert figures["fist_gap_95"] < 0.03
     at = np.flatnonzero(landed)[0]
-    poses = run.take.sampler.moments(np.array([events.attacker[at]]), np.array([events.frame[at] / 15.0]))
+    poses = run.sampler.moments(np.array([events.attacker[at]]), np.array([events.frame[at] / 15.0]))
     for _, body, scales, positions, rotations in poses:
         feet = body_points(body, positions, rotations, scales)[3][0, limbs[at]]
         assert np.linalg.norm(feet - events.point[at]) < 0.25

@@ -112,7 +112,7 @@ def test_inspect_reports_the_same_figures_of_a_run(workplace: Path, capsys: pyte
     capsys.readouterr()
     assert crowdsim("inspect", "run", "--json") == 0
     report = json.loads(capsys.readouterr().out)
-    expected = measure_fights(open_run(workplace / "run")[0]).__dict__
+    expected = measure_fights(open_run(workplace / "run")).__dict__
     assert expected["distance_median"] is not None
     assert {key: report[key] for key in KEYS} == expected
     assert report["hits_per_minute_per_avatar"] == pytest.approx(report["landed_per_minute"])

@@ -75,10 +75,10 @@ def _inspect_run(folder: Path, as_json: bool, plots: Path | None, force: bool) -
     from crowdsim.runs.opening import open_run
     from crowdsim.take.quality import measure_take
 
-    take, policies, notes = open_run(folder)
-    for told_note in notes:
-        note(told_note)
-    sampler = PoseSampler(take, policies, CORES)
+    run = open_run(folder)
+    for line in run.notes:
+        note(line)
+    sampler = PoseSampler(run, run.policies, CORES)
     with Bars() as bars, watch_compilation(bars.note):
         result = measure_take(sampler, bars, CORES)
     manifest = read_manifest(folder, ("seconds",)) if (folder / NAME).exists() else {"seconds": {}}

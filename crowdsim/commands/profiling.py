@@ -50,15 +50,13 @@ def profile(
     from crowdsim.preparation.prepare import load_policies
     from crowdsim.runs.manifest import FILES
     from crowdsim.runs.stage import Plan, write_together
-    from crowdsim.scenario.frame_ranges import parse_length
     from crowdsim.scenario.scenario import load_scenario
 
     counts = profiling.parse_counts(avatars, "--avatars") if avatars is not None else []
     numbers = profiling.parse_counts(threads, "--threads")
     if trace and out is None:
         raise CrowdsimError("--trace needs a folder to write into, expected --out DIR")
-    length = None if frames is None else parse_length(frames)
-    loaded = load_scenario(scenario, override or (), frames=length, search=search)
+    loaded = load_scenario(scenario, override or (), frames=frames, search=search)
     with ExitStack() as stack:
         place = None
         if out is not None:

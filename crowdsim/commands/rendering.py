@@ -48,7 +48,7 @@ def render(
     from crowdsim.render.command import parse_size, render_many
     from crowdsim.render.options import RenderOptions
     from crowdsim.render.take_source import TakeSource
-    from crowdsim.runs.opening import open_run, read_arena
+    from crowdsim.runs.opening import open_run
     from crowdsim.runs.stage import write_pictures
     from crowdsim.scenario.frame_ranges import parse_frames
 
@@ -69,9 +69,9 @@ def render(
 
     def open_source(path: Path, wanted: RenderOptions) -> tuple[TakeSource, tuple[str, ...]]:
         folder = unpacked.enter_context(opened_run(path))
-        take, policies, notes = open_run(folder)
-        source = TakeSource(take, policies, wanted.fps or 30.0, threads=threads, arena=read_arena(folder))
-        return source, tuple(notes)
+        run = open_run(folder)
+        source = TakeSource(run, run.policies, wanted.fps or 30.0, threads=threads, arena=run.arena)
+        return source, run.notes
 
     drawn = {"size": size, "fps": fps, "frames": frames, "camera": camera, "caption": caption}
 

@@ -67,9 +67,8 @@ def run(
     from crowdsim.scenario.frame_ranges import parse_length
     from crowdsim.scenario.scenario import load_scenario
 
-    length = None if frames is None else parse_length(frames)
     more = None if extend is None else parse_length(extend)
-    if more is not None and (force or length is not None):
+    if more is not None and (force or frames is not None):
         raise CrowdsimError("run --extend: goes on with a finished run, expected neither --force nor --frames")
     documents: list[dict[str, Any]] = []
     reported: list[Path] = []
@@ -77,7 +76,7 @@ def run(
     several, failures = len(scenarios) > 1, []
     for name in scenarios:
         try:
-            scenario = load_scenario(name, override or (), seed, length, fraction, search)
+            scenario = load_scenario(name, override or (), seed, frames, fraction, search)
             load_numba()
             folder = Path("output") / scenario.name if out is None else out / scenario.name if several else out
             detail(f"{scenario.name}: {scenario.avatar_count:,} avatars, {threads} threads, into {folder}")
@@ -203,11 +202,11 @@ def export(
     uses = [use for use, wanted in (("bvh", bvh), ("clouds", ply or pcd)) if wanted]
     target = out or (folder.with_suffix("") if folder.is_file() else folder)
     with opened_run(folder) as unpacked:
-        take, policies, notes = open_run(unpacked)
-        for line in notes:
+        opened = open_run(unpacked)
+        for line in opened.notes:
             note(line)
         with Bars() as bars, watch_compilation(bars.note, uses, threads):
-            written = export_take(unpacked, take, policies, options, target, threads, bars, force)
+            written = export_take(unpacked, opened, opened.policies, options, target, threads, bars, force)
     for kind, files in written.items():
         size = sum(path.stat().st_size for path in files)
         say(f"{target / kind}: {len(files):,} file{'s' if len(files) > 1 else ''}, {size_text(size)}")

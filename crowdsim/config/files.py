@@ -9,20 +9,22 @@ such as names that refer to nothing; it is called only when validation fails.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Sequence
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, ClassVar, TypeVar
 
+import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, ValidationError
 
 from crowdsim.config.collection import collection_paused
 from crowdsim.config.findings import Fault, Faults, refused_nulls, show, translate
-from crowdsim.config.nodes import MAXIMUM_BYTES
+from crowdsim.config.nodes import MAXIMUM_BYTES, MAXIMUM_DEPTH, TOO_DEEP
 from crowdsim.config.overrides import override
 from crowdsim.config.schema import Part, join, schema_of
-from crowdsim.config.tree import MOST_FINDINGS, Document, Finding, read_document, scalar
+from crowdsim.config.tree import MOST_FINDINGS, Document, Finding, Loc, read_document, scalar
 from crowdsim.core.types import FileName
 from crowdsim.errors import CrowdsimError
 
@@ -34,6 +36,7 @@ __all__ = [
     "StrictModel",
     "dump_yaml",
     "find_faults",
+    "load_data",
     "load_model",
     "place",
     "validate",
@@ -85,6 +88,32 @@ def load_model(
     return _sound(value, findings, error)
 
 
+def load_data(
+    data: Mapping[str, Any],
+    name: str,
+    model: type[Model],
+    error: type[CrowdsimError],
+    overrides: Sequence[str] = (),
+    context: dict[str, Any] | None = None,
+) -> Model:
+    """Return the model that data describes which are no file's, checked as those of a file; see :func:`load_model`.
+
+    Args:
+        data: Mappings, sequences, text, numbers, numpy's too, and models.
+        name: What findings call it.
+        model: What the data are.
+        error: Class of the error to raise.
+        overrides: As of :func:`load_model`.
+        context: Likewise.
+    """
+    foreign: list[Finding] = []
+    read = read_document(dump_yaml(_plain(data, (), foreign, 0)).encode("utf-8", "replace"), name)
+    findings = [replace(finding, source=name, line=0, column=0) for finding in (*foreign, *read.findings)]
+    unreadable = read.unreadable | {finding.loc for finding in foreign}
+    document = Document(name, read.data, unreadable=unreadable, findings=findings)
+    return _sound(*_validate(document, model, overrides, context), error)
+
+
 def validate(
     document: Document, model: type[Model], error: type[CrowdsimError], context: dict[str, Any] | None = None
 ) -> Model:
@@ -110,6 +139,26 @@ def place(path: FileName, findings: Iterable[Finding]) -> list[Finding]:
 def dump_yaml(data: Any) -> str:
     """Return plain data as YAML in block style, which :func:`load_model` reads back to the same values."""
     return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=False, width=10**6)
+
+
+def _plain(value: Any, loc: Loc, findings: list[Finding], depth: int) -> Any:
+    """Return a value as YAML has it; what it cannot have is a finding, and null."""
+    if isinstance(value, BaseModel):
+        return value.model_dump(mode="json", exclude_none=True)
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, os.PathLike):
+        value = os.fspath(value)
+    if depth <= MAXIMUM_DEPTH:
+        if isinstance(value, Mapping):
+            return {str(key): _plain(item, (*loc, str(key)), findings, depth + 1) for key, item in value.items()}
+        if isinstance(value, list | tuple):
+            return [_plain(item, (*loc, index), findings, depth + 1) for index, item in enumerate(value)]
+    if value is None or isinstance(value, str | bool | int | float):
+        return value
+    what = TOO_DEEP if depth > MAXIMUM_DEPTH else f"is of type {type(value).__name__}, expected what YAML can hold"
+    findings.append(Finding(loc, what))
+    return None
 
 
 class _Dumper(yaml.SafeDumper):

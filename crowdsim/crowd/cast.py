@@ -7,8 +7,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
+from crowdsim.errors import TakeError, nearest
 
 _USUAL: dict[str, tuple[float, Any]] = {
     "girths": (1.0, np.float32),
@@ -74,6 +76,41 @@ class Cast:
             if len(getattr(self, name)) == 0:
                 object.__setattr__(self, name, np.full(len(self.names), usual, dtype))
 
+    def number(self, avatar: int | str) -> int:
+        """Return the number of an avatar that is given by its number or its name, with or without its leading zeros.
+
+        Raises:
+            TakeError: There is no such avatar; the message names near ones.
+        """
+        names = self.names
+        if isinstance(avatar, str):
+            group, _, number = avatar.rpartition("_")
+            padded = [f"{group}_{int(number):0{width}d}" for width in range(1, 10) if number.isdecimal()]
+            for name in (avatar, *padded):
+                found = np.flatnonzero(names == name)
+                if len(found):
+                    return int(found[0])
+            raise TakeError(f"there is no avatar {avatar!r}, expected a number, or {_names_like(avatar, names)}")
+        if not isinstance(avatar, int | np.integer) or isinstance(avatar, bool):
+            raise TakeError(f"avatar {avatar!r} is of type {type(avatar).__name__}, expected a number or a name")
+        if not 0 <= avatar < len(names):
+            raise TakeError(f"there is no avatar {avatar}, expected 0 to {len(names) - 1}, or its name")
+        return int(avatar)
+
+    def numbers(self, avatars: ArrayLike | None) -> Array:
+        """Return the numbers of avatars that are given by numbers or names, in any mixture; all when None.
+
+        Raises:
+            TakeError: There is no such avatar; the message names near ones.
+        """
+        if avatars is None:
+            return np.arange(len(self.names))
+        given: Any = [avatars] if isinstance(avatars, str) or np.ndim(avatars) == 0 else avatars
+        numbers = np.asarray(given)
+        if numbers.dtype.kind in "iu" and ((numbers >= 0) & (numbers < len(self.names))).all():
+            return numbers
+        return np.array([self.number(avatar) for avatar in given], np.int64)
+
     def first(self, count: int) -> Cast:
         """Return what is constant for the first avatars."""
         each = ("names", "types", "teams", "policies", "scales", "speeds", *_USUAL)
@@ -88,3 +125,18 @@ class Cast:
     def stretches(self) -> Array:
         """How long bones of trunks, legs and arms are for the size of the body. Shape (N, 3), float64."""
         return np.stack([np.ones(len(self.legs)), self.legs, self.arms], axis=1).astype(float)
+
+
+def _names_like(name: str, names: Array) -> str:
+    """Return which names of avatars there are, by groups, and the one that may be meant by another name."""
+    groups: dict[str, tuple[str, str]] = {}
+    for one in names.tolist():
+        group = one.rpartition("_")[0]
+        groups[group] = groups.get(group, (one, one))[0], one
+    number = name.rpartition("_")[2]
+    same = [f"{group}_{number.zfill(len(last) - len(group) - 1)}" for group, (_, last) in groups.items()]
+    firsts = [first for first, _ in groups.values()]
+    ranges = [first if first == last else f"{first} to {last}" for first, last in groups.values()]
+    more = [f"{len(ranges) - 5} groups more"] if len(ranges) > 5 else []
+    near = nearest(name, [one for one in same if one in names]) or nearest(name, firsts)
+    return f"{', '.join([*ranges[:5], *more])}{near}"

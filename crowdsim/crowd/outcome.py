@@ -8,7 +8,8 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.crowd import Crowd
-from crowdsim.crowd.script import Agenda, End
+from crowdsim.crowd.progress import Agenda
+from crowdsim.crowd.script import End
 
 
 @dataclass(frozen=True)

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.triggers import EVERY_FRAME, STRIKES, AtFrame, Trigger
+from crowdsim.crowd.triggers import Trigger
 from crowdsim.scenario.fitness import LINGERS
-
-if TYPE_CHECKING:
-    from crowdsim.crowd.crowd import Crowd
-    from crowdsim.crowd.progress import Progress
 
 
 class TargetPath(Protocol):
@@ -123,60 +119,6 @@ class End:
     kind: str
     count: int = 0
     lingers: float = LINGERS
-
-
-class Agenda:
-    """The changes that have not happened yet, and what has happened in a run so far.
-
-    Args:
-        crowd: The crowd that they are planned for.
-        progress: What has happened.
-
-    Attributes:
-        pending: Numbers of the changes that have not happened yet.
-        progress: What has happened.
-    """
-
-    def __init__(self, crowd: Crowd, progress: Progress) -> None:
-        self._changes, self._until = crowd.changes, crowd.until
-        self.pending = list(range(len(self._changes)))
-        self.progress = progress
-
-    def until_next(self, frame: int, most: int) -> int:
-        """Return how many frames can be run from ``frame`` on before something may happen, at most ``most``.
-
-        What waits for strikes or knock-downs may happen earlier: a call ends in a frame that has any.
-        """
-        for number in self.pending:
-            when = self._changes[number].when
-            if when.after == EVERY_FRAME:
-                return 1
-            if isinstance(when, AtFrame):
-                most = min(most, max(when.frame - frame, 1))
-        return most
-
-    @property
-    def waits_for_strikes(self) -> bool:
-        """Whether something may happen because of a strike."""
-        until = self._until is not None and self._until.kind == "landed"
-        return until or any(self._changes[number].when.after == STRIKES for number in self.pending)
-
-    def due(self) -> Iterator[Change]:
-        """Yield each change that is due, once; the next one is checked after it has been made."""
-        for number in list(self.pending):
-            change = self._changes[number]
-            if change.when.is_due(self.progress):
-                self.pending.remove(number)
-                yield change
-
-    def awaited(self, count: int) -> Array:
-        """Return which of ``count`` avatars have still to enter. Shape (count,), bool."""
-        awaited = np.zeros(count, bool)
-        for number in self.pending:
-            change = self._changes[number]
-            if change.present and change.who is not None:
-                awaited |= change.who
-        return awaited
 
 
 def target_positions(paths: Sequence[TargetPath], first: int, count: int, rate: float) -> Array:

@@ -23,9 +23,9 @@ from crowdsim.crowd.kernels.loop import run_frames
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import Index, build_index
 from crowdsim.crowd.outcome import Outcome, find_outcome
-from crowdsim.crowd.progress import Progress
+from crowdsim.crowd.progress import Agenda, Progress
 from crowdsim.crowd.random import Purpose, stream
-from crowdsim.crowd.script import Agenda, Change, target_positions
+from crowdsim.crowd.script import Change, target_positions
 from crowdsim.crowd.stages import Stages, lost_avatar
 from crowdsim.crowd.state import read_state, write_state
 from crowdsim.crowd.workers import Workers
@@ -157,7 +157,7 @@ class Simulation:
         if not chunk.frames:
             raise RunError(
                 f"the run is over after {self.frame} control frames, expected no step where 'is_over' is true; "
-                "load the scenario with more frames to go on"
+                "a scenario with more frames, and without 'until', goes on"
             )
         if not self.is_over:
             # Events of the next frame may end the run before it, which is known from now on.

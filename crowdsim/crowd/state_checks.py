@@ -14,7 +14,7 @@ from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.shown_motion import NONE
 from crowdsim.crowd.opponents import Index
 from crowdsim.crowd.outcome import Outcome
-from crowdsim.crowd.script import Agenda
+from crowdsim.crowd.progress import Agenda
 
 FAR = 1e9
 """Greatest numbers of an avatar [m, rad, control frames]."""

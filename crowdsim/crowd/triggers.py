@@ -3,15 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar, Protocol
 
 from crowdsim.core.types import Array
 
-if TYPE_CHECKING:
-    from crowdsim.crowd.progress import Progress
-
 EVERY_FRAME, STRIKES, KNOCK_DOWNS, NOTHING = range(4)
 """What a trigger must be looked at after: every frame, strikes, knock-downs; or it is known when it is due."""
+
+
+class Observations(Protocol):
+    """What triggers read of a run, see ``progress.Progress``."""
+
+    frame: int
+    landed: Array
+    landed_on: Array
+
+    def downs_of(self, group: int) -> int:
+        """Return how often avatars of a group, or of all with -1, have been knocked down."""
+
+    def health_of(self, group: int) -> float:
+        """Return the least health of an avatar of a group [points]."""
+
+    def distance_of(self, one: int, other: int) -> float:
+        """Return the least distance between avatars of two groups [m]."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +35,7 @@ class AtFrame:
     frame: int
     after: ClassVar[int] = NOTHING
 
-    def is_due(self, now: Progress) -> bool:
+    def is_due(self, now: Observations) -> bool:
         """Return whether it is time."""
         return now.frame >= self.frame
 
@@ -34,7 +48,7 @@ class Landed:
     team: int = -1
     after: ClassVar[int] = STRIKES
 
-    def is_due(self, now: Progress) -> bool:
+    def is_due(self, now: Observations) -> bool:
         """Return whether it is time."""
         return _count(now.landed, self.team) >= self.count
 
@@ -47,7 +61,7 @@ class LandedOn:
     count: int
     after: ClassVar[int] = STRIKES
 
-    def is_due(self, now: Progress) -> bool:
+    def is_due(self, now: Observations) -> bool:
         """Return whether it is time."""
         return _count(now.landed_on, self.group) >= self.count
 
@@ -60,7 +74,7 @@ class Downs:
     group: int = -1
     after: ClassVar[int] = KNOCK_DOWNS
 
-    def is_due(self, now: Progress) -> bool:
+    def is_due(self, now: Observations) -> bool:
         """Return whether it is time."""
         return now.downs_of(self.group) >= self.count
 
@@ -73,7 +87,7 @@ class HealthBelow:
     points: float
     after: ClassVar[int] = STRIKES
 
-    def is_due(self, now: Progress) -> bool:
+    def is_due(self, now: Observations) -> bool:
         """Return whether it is time."""
         return now.health_of(self.group) < self.points
 
@@ -87,7 +101,7 @@ class Near:
     below: float
     after: ClassVar[int] = EVERY_FRAME
 
-    def is_due(self, now: Progress) -> bool:
+    def is_due(self, now: Observations) -> bool:
         """Return whether it is time."""
         return now.frame > 0 and now.distance_of(self.one, self.other) < self.below
 

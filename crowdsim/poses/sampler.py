@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.kernels.layout import EVADED, MISSED
@@ -154,7 +155,7 @@ class PoseSampler:
         self._posers = {NOTHING: Poser(take, self.motions, self._threads, self._reactions)}
 
     def sample(
-        self, start: int, stop: int, fps: float, avatars: Array | None = None, without: frozenset[str] = NOTHING
+        self, start: int, stop: int, fps: float, avatars: ArrayLike | None = None, without: frozenset[str] = NOTHING
     ) -> list[Poses]:
         """Return the poses of output frames ``start`` to ``stop`` at ``fps``, one item a policy that has avatars.
 
@@ -162,10 +163,10 @@ class PoseSampler:
             start: First output frame.
             stop: One past the last.
             fps: Output frames a second.
-            avatars: Numbers of the avatars, ascending; all when None.
+            avatars: Numbers or names of the avatars, in the order of their numbers; all when None.
             without: Names of layers that are left out, see ``unseen_layers``.
         """
-        numbers = np.arange(self.take.avatar_count) if avatars is None else np.asarray(avatars)
+        numbers = self.take.cast.numbers(avatars)
         times = np.arange(start, stop) / fps
         if len(times):
             self._look_for_buried(float(times[0]), float(times[-1]))
@@ -175,12 +176,12 @@ class PoseSampler:
             self._posers[without].landed = whole.landed
         return self._gathered(numbers, times, self._posers[without].sample(numbers, times))
 
-    def captured(self, start: int, stop: int, fps: float, avatars: Array | None = None) -> list[Poses]:
+    def captured(self, start: int, stop: int, fps: float, avatars: ArrayLike | None = None) -> list[Poses]:
         """Return what the capture has there, without blends or anything else; arguments as of ``sample``.
 
         It is what poses are held against: at transitions it jumps.
         """
-        numbers = np.arange(self.take.avatar_count) if avatars is None else np.asarray(avatars)
+        numbers = self.take.cast.numbers(avatars)
         times = np.arange(start, stop) / fps
         return self._gathered(numbers, times, self._posers[NOTHING].captured(numbers, times))
 

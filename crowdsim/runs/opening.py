@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from pydantic import TypeAdapter
 
 from crowdsim import assets
@@ -17,39 +15,15 @@ from crowdsim.errors import CrowdsimError, PolicyError, RecipeError, TakeError
 from crowdsim.runs.folder import place_of, resolved_value
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import read_manifest
+from crowdsim.runs.recorded import RecordedRun
 from crowdsim.scenario.parts import Arena
-from crowdsim.take.take import Take
-
-if TYPE_CHECKING:
-    from crowdsim.policy.policy import Policy
-
 
 POLICIES = "policies"
 """Folder in a run's that policies are packed into."""
 
 
-class OpenedRun(NamedTuple):
-    """A run that was written before: its take, its policies, and what a user should know of it."""
-
-    take: Take
-    policies: list[Policy]
-    notes: list[str]
-
-    def joint_names(self, avatar: int) -> tuple[str, ...]:
-        """Return the names of an avatar's joints, see ``Take.joint_names``."""
-        return self.take.joint_names(avatar)
-
-    def joints(self, avatar: int, seconds: ArrayLike) -> Array:
-        """Return where an avatar's joints are at one time or several [m], see ``Take.joints``."""
-        return self.take.joints(avatar, seconds)
-
-    def strikes(self, landed: bool | None = None, outcome: str | None = None) -> Array:
-        """Return the strikes as a table, see ``Take.strikes``."""
-        return self.take.strikes(landed, outcome)
-
-
-def open_run(folder: FileName) -> OpenedRun:
-    """Return a run's take, its policies, and what a user should know of it.
+def open_run(folder: FileName) -> RecordedRun:
+    """Return a run that was written before: its take with its policies, and what a user should know of it.
 
     Raises:
         TakeError: There is no take, or it is damaged.
@@ -67,7 +41,7 @@ def open_run(folder: FileName) -> OpenedRun:
         notes.append(f"{folder}: the run was interrupted; {take.frame_count} control frames are there")
     elif not (folder / MANIFEST).exists():
         notes.append(f"{folder}: the run is not finished; its take is, some outputs may be missing")
-    return OpenedRun(replace(take, policies=tuple(policies)), policies, notes)
+    return RecordedRun.of(take, policies=tuple(policies), folder=folder, notes=tuple(notes), arena=read_arena(folder))
 
 
 def bundle_of(folder: Path, policy: str, fingerprint: str | None = None) -> Path:

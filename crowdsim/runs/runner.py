@@ -34,6 +34,7 @@ from crowdsim.runs.manifest import RUN as STAGE
 from crowdsim.runs.manifest import checksums, read_ledger, read_manifest
 from crowdsim.runs.outputs import expect_outputs, plan_outputs, write_outputs
 from crowdsim.runs.provenance import Origin, origin_of
+from crowdsim.runs.recorded import RecordedRun
 from crowdsim.runs.run import Report, Run
 from crowdsim.runs.stage import TAKE, Plan, Stage, complete, complete_alone, open_stage, refuse_others
 from crowdsim.scenario.scenario import Scenario, dump_scenario
@@ -56,7 +57,7 @@ def run(
     mocap: FileName | None = None,
     order: Array | None = None,
     progress: Progress | None = None,
-) -> Take:
+) -> RecordedRun:
     """Run a scenario in memory and return its take; nothing is written but policies that had to be trained.
 
     The command line runs by the same path, see ``run_to``, and gives the same take.
@@ -84,7 +85,7 @@ def run(
     crowd = _draw(one) if policies is None else draw_crowd(scenario, policies)
     collector = TakeCollector(take_header(scenario, crowd), crowd.policies)
     record(one, crowd, collector)
-    return collector.take()
+    return RecordedRun.of(collector.take(), arena=crowd.arena)
 
 
 def run_to(

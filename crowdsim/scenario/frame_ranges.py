@@ -87,6 +87,27 @@ def parse_length(text: str) -> tuple[float, bool]:
     return float(match[1]), match[2] == "s"
 
 
+def parse_times(text: str, rate: float, frames: int) -> list[float] | float:
+    """Return the time that '4s' or '60' means, or those of the control frames that '2s:5s' means [s].
+
+    Args:
+        text: Seconds, or a number of control frames; or a half-open range of control frames, see ``parse_frames``.
+        rate: Control frames a second.
+        frames: How many there are.
+
+    Raises:
+        TakeError: It means none, or the range is not within the frames.
+    """
+    if ":" in text:
+        start, stop = parse_frames(text).resolve(frames, rate, frame_limit(frames, rate, rate))
+        return [frame / rate for frame in range(start, stop)]
+    match = _LENGTH.fullmatch(text)
+    if match is None or (not match[2] and "." in match[1]):
+        what = f"time {text!r}: expected seconds as in 4s, the number of a control frame, or a range as in 2s:5s"
+        raise TakeError(what)
+    return float(match[1]) / (1.0 if match[2] else rate)
+
+
 def first_frame_at(seconds: float, fps: float) -> int:
     """Return the first frame that is not before a time."""
     return math.ceil(seconds * fps - 1e-6)

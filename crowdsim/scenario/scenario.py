@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Sequence
+import os
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 from pydantic import ValidationError, ValidationInfo, model_validator
 
 from crowdsim import assets
 from crowdsim.config.collection import collection_paused
-from crowdsim.config.files import Faults, Finding, dump_yaml, load_model
+from crowdsim.config.files import Faults, Finding, dump_yaml, load_data, load_model
 from crowdsim.config.schema import quoted
 from crowdsim.core.types import FileName
-from crowdsim.errors import ScenarioError, nearest
+from crowdsim.errors import ScenarioError, TakeError, nearest
 from crowdsim.scenario.checks import name_findings, sense_findings
 from crowdsim.scenario.description import MAXIMUM_SEED, Description
 from crowdsim.scenario.fitness import CountEnd
+from crowdsim.scenario.frame_ranges import parse_length
 from crowdsim.scenario.groups import (
     SEARCHES,
     PointsPlacement,
@@ -49,21 +52,22 @@ class Scenario(Description):
 
 @collection_paused()
 def load_scenario(
-    path: FileName,
-    overrides: Sequence[str] = (),
+    source: FileName | Mapping[str, Any] | Scenario,
+    overrides: str | Sequence[str] = (),
     seed: int | None = None,
-    frames: int | tuple[float, bool] | None = None,
+    frames: int | str | None = None,
     fraction: float | None = None,
     search: str | None = None,
     policies: Collection[str] | None = None,
 ) -> Scenario:
-    """Return the scenario of a file, resolved: types merged with those they extend, and every default written out.
+    """Return a scenario, resolved: types merged with those they extend, and every default written out.
 
     Args:
-        path: The file, or the name of a scenario that ships or lies in the working folder's ``scenarios/``.
+        source: The file, or the name of a scenario that ships or lies in the working folder's ``scenarios/``; or the
+            keys of a file as a mapping, whose ``version`` may be left out; or another scenario.
         overrides: ``KEY=VALUE`` each, laid over the file, such as ``groups[0].count=12``.
         seed: Another seed.
-        frames: Another duration [control frames]; or a length, and whether it is in seconds.
+        frames: Another duration: control frames, or text such as ``20s``.
         fraction: Share of each group's avatars to keep, above 0 and up to 1; at least one avatar of each stays. An end
             that waits for some to go down waits for as large a share of them.
         search: Another index for nearest opponents.
@@ -72,37 +76,55 @@ def load_scenario(
     Raises:
         ScenarioError: With every finding in a line of its own, and as the tuple ``findings``.
     """
-    file = assets.find_scenario(path)
-    scenario = load_model(file, Scenario, ScenarioError, overrides, _context(file, policies))
-    scenario = _changed(scenario, file, seed, frames, fraction)
+    known = assets.policy_names() if policies is None else policies
+    given = [overrides] if isinstance(overrides, str) else overrides
+    file = None
+    if isinstance(source, Scenario | Mapping):
+        folder = source.folder if isinstance(source, Scenario) else Path()
+        data = source.model_dump(mode="json", exclude_none=True) if isinstance(source, Scenario) else source
+        name = str(data.get("name", "scenario"))
+        context = {"folder": folder, "policies": known}
+        scenario = load_data({"version": VERSION, **data}, name, Scenario, ScenarioError, given, context)
+    elif isinstance(source, str | os.PathLike):
+        file = assets.find_scenario(source)
+        folder, name = file.parent, str(file)
+        scenario = load_model(file, Scenario, ScenarioError, given, {"folder": folder, "policies": known})
+    else:
+        what = f"the scenario is of type {type(source).__name__}"
+        raise ScenarioError(f"{what}, expected a file, the name of a scenario, or a mapping with its keys")
+    scenario = _changed(scenario, name, seed, frames, fraction)
     if search is not None:
         if search not in SEARCHES:
             raise ScenarioError(f"the search is {search!r}, expected {quoted(SEARCHES)}{nearest(search, SEARCHES)}")
         scenario = with_search(scenario, search)
-    resolved = resolve_scenario(scenario, file.parent)
+    resolved = resolve_scenario(scenario, folder)
     resolved._source = file
     return resolved
 
 
+def build_scenario(**keys: Any) -> Scenario:
+    """Return the scenario with these keys, which are those of a file, resolved and checked as a file is.
+
+    Raises:
+        ScenarioError: With every finding in a line of its own, and as the tuple ``findings``.
+    """
+    return load_scenario(keys)
+
+
 def _changed(
-    scenario: Scenario, file: Path, seed: int | None, frames: int | tuple[float, bool] | None, fraction: float | None
+    scenario: Scenario, name: str, seed: int | None, frames: int | str | None, fraction: float | None
 ) -> Scenario:
     """Return a scenario with another seed or length, or a part of its avatars, see ``load_scenario``."""
     changes: dict[str, Any] = {}
     if seed is not None:
-        if not 0 <= seed <= MAXIMUM_SEED:
-            raise ScenarioError(f"the seed is {seed}, expected a whole number from 0 to {MAXIMUM_SEED}")
-        changes["seed"] = seed
+        if not _is_whole(seed) or not 0 <= seed <= MAXIMUM_SEED:
+            raise ScenarioError(f"the seed is {seed!r}, expected a whole number from 0 to {MAXIMUM_SEED}")
+        changes["seed"] = int(seed)
     if frames is not None:
-        length, in_seconds = frames if isinstance(frames, tuple) else (frames, False)
-        if in_seconds and not 0 < length <= MAXIMUM_SECONDS:
-            raise ScenarioError(f"the length is {length:g} s, expected seconds above 0 and up to 1000000")
-        if not in_seconds and not 1 <= length <= MAXIMUM_FRAMES:
-            raise ScenarioError(f"the number of control frames is {length:.0f}, expected one from 1 to 100000000")
-        changes["duration"] = {"seconds": length} if in_seconds else int(length)
+        changes["duration"] = _duration(frames)
     if fraction is not None:
-        if not 0 < fraction <= 1:
-            raise ScenarioError(f"the fraction is {fraction}, expected a number above 0 and up to 1")
+        if not isinstance(fraction, float | int | np.floating) or not 0 < fraction <= 1:
+            raise ScenarioError(f"the fraction is {fraction!r}, expected a number above 0 and up to 1")
         changes["groups"] = [
             {**group.model_dump(), "count": max(1, round(group.count * fraction))} for group in scenario.groups
         ]
@@ -113,10 +135,34 @@ def _changed(
             changed = Scenario.model_validate({**scenario.model_dump(), **changes})
         except ValidationError as error:
             reasons = [str(detail.get("ctx", {}).get("error", detail["msg"])) for detail in error.errors()]
-            raise ScenarioError(f"{file}: with fraction {fraction}: {'; '.join(reasons)}") from None
+            raise ScenarioError(f"{name}: with fraction {fraction}: {'; '.join(reasons)}") from None
         # A validated copy counts every key as set; types must keep which keys their file sets, to be merged.
         scenario = scenario.model_copy(update={key: getattr(changed, key) for key in changes})
     return scenario
+
+
+def _is_whole(value: Any) -> bool:
+    """Whether a value is a whole number, be it numpy's."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def _duration(frames: int | str) -> int | dict[str, float]:
+    """Return a length in control frames, or in text such as ``20s``, as the key ``duration`` has it."""
+    if isinstance(frames, str):
+        try:
+            length, in_seconds = parse_length(frames)
+        except TakeError as error:
+            raise ScenarioError(str(error)) from None
+        if in_seconds and not length <= MAXIMUM_SECONDS:
+            raise ScenarioError(f"the length is {length:g} s, expected seconds above 0 and up to 1000000")
+        if in_seconds:
+            return {"seconds": length}
+        frames = int(length)
+    if not _is_whole(frames):
+        raise ScenarioError(f"the length is {frames!r}, expected control frames, or text such as '20s'")
+    if not 1 <= frames <= MAXIMUM_FRAMES:
+        raise ScenarioError(f"the number of control frames is {frames}, expected one from 1 to 100000000")
+    return int(frames)
 
 
 def resolve_scenario(scenario: Scenario, folder: FileName = ".") -> Scenario:
@@ -193,10 +239,6 @@ def scenario_schema() -> str:
     """Return the JSON Schema of scenario files as text; editors complete and check scenarios by it."""
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
     return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
-
-
-def _context(file: Path, policies: Collection[str] | None = None) -> dict[str, Any]:
-    return {"folder": file.parent, "policies": assets.policy_names() if policies is None else policies}
 
 
 def _merged_types(scenario: Scenario) -> dict[str, AvatarType]:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from crowdsim.crowd.record import Cast
+from crowdsim.crowd.cast import Cast
 from crowdsim.take.layout import COORDINATES, FORMAT, VERSION
 
 

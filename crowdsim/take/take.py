@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
+from crowdsim.crowd.cast import Cast
 from crowdsim.crowd.events import OUTCOMES, VARIABLES, Events
-from crowdsim.crowd.record import Cast, TakeData
+from crowdsim.crowd.record import TakeData
 from crowdsim.errors import TakeError, nearest
 from crowdsim.motion.strikes import LIMBS, SIDES
+from crowdsim.scenario.frame_ranges import parse_times
 
 if TYPE_CHECKING:
     from crowdsim.poses.sampler import PoseSampler
@@ -56,38 +59,75 @@ class Take(TakeData):
             raise TakeError("the take has no policies, which poses need; crowdsim.open_run opens a run with both")
         return PoseSampler(self, self.policies)
 
-    def joint_names(self, avatar: int) -> tuple[str, ...]:
+    def joint_names(self, avatar: int | str) -> tuple[str, ...]:
         """Return the names of an avatar's joints, in the order of ``joints``; parents come before their children.
 
         Raises:
             TakeError: There is no such avatar, or the take was opened without its policies.
         """
-        return self.sampler.motions[self._policy_of(avatar)].skeleton.names
+        return self.sampler.motions[self.cast.policies[self.cast.number(avatar)]].skeleton.names
 
-    def joints(self, avatar: int, seconds: ArrayLike) -> Array:
-        """Return where an avatar's joints are, as exported and rendered: blends, planted feet, strikes and all.
+    def times(self, times: ArrayLike | None) -> Array:
+        """Return times of the take [s], those of all control frames when None.
 
         Args:
-            avatar: Number of the avatar.
-            seconds: One time or several, from 0 to ``seconds`` of the take [s], between control frames too.
+            times: Seconds as numbers, between control frames too; text such as ``4s``, or ``60`` for a control frame,
+                or a sequence of these; or text such as ``2s:5s`` for the control frames of a range.
 
         Returns:
-            Positions in the world [m]; NaN while the avatar is absent. Shape (J, 3) for one time, else
-            (T, J, 3), float32; J joints, named by ``joint_names``.
+            Shape () for one time, else (T,) or as the numbers have, float64.
 
         Raises:
-            TakeError: There is no such avatar or time, or the take was opened without its policies.
+            TakeError: A time means nothing, or is not in the take.
         """
-        self._policy_of(avatar)
-        times = np.asarray(seconds, dtype=float)
-        outside = times[~((times >= 0.0) & (times <= self.seconds + 1e-6))]
+        if times is None:
+            return np.arange(self.frame_count) / self.control_rate
+        try:
+            found = np.asarray(self._read_times(times), dtype=float)
+        except (TypeError, ValueError):
+            what = f"times are {times!r}"[:100]
+            raise TakeError(f"{what}, expected seconds as numbers, or text as in 4s, 60 or 2s:5s") from None
+        outside = found[~((found >= 0.0) & (found <= self.seconds + 1e-6))]
         if outside.size:
             raise TakeError(f"{outside[0]:g} s is not in the take, expected 0 to {self.seconds:g} s")
-        flat = times.reshape(-1)
-        result = np.empty((len(flat), len(self.joint_names(avatar)), 3), np.float32)
-        for which, _, _, positions, _ in self.sampler.moments(np.full(len(flat), avatar), flat):
+        return found
+
+    def _read_times(self, times: Any) -> Any:
+        if isinstance(times, str):
+            return parse_times(times, self.control_rate, self.frame_count)
+        if isinstance(times, list | tuple) and any(isinstance(time, str) for time in times):
+            return [self._read_times(time) for time in times]
+        return times
+
+    def joints(self, avatar: int | str | Sequence[int | str] | None = None, times: ArrayLike | None = None) -> Array:
+        """Return where joints of avatars are, as exported and rendered: blends, planted feet, strikes and all.
+
+        Args:
+            avatar: Number or name of an avatar, or several of them, which need policies with as many joints; all when
+                None.
+            times: One time or several, see ``times``; those of all control frames when None.
+
+        Returns:
+            Positions in the world [m]; NaN while an avatar is absent. The axes are those of ``times``, of avatars
+            where they are several, of joints, named by ``joint_names``, and x, y, z: (J, 3) for one avatar at one
+            time, (T, J, 3) at several, (T, n, J, 3) for several avatars. float32.
+
+        Raises:
+            TakeError: There is no such avatar or time, bodies differ in their joints, or the take was opened without
+                its policies.
+        """
+        one = isinstance(avatar, str) or (avatar is not None and np.ndim(avatar) == 0)
+        numbers, when = self.cast.numbers(avatar), self.times(times)
+        counts = {len(self.joint_names(int(number))) for number in numbers}
+        if len(counts) > 1:
+            raise TakeError(
+                f"avatars have {' and '.join(map(str, sorted(counts)))} joints, expected avatars of one policy"
+            )
+        who, at = np.tile(numbers, when.size), np.repeat(when.reshape(-1), len(numbers))
+        result = np.empty((len(who), counts.pop() if counts else 0, 3), np.float32)
+        for which, _, _, positions, _ in self.sampler.moments(who, at):
             result[which] = positions
-        return result.reshape(*times.shape, *result.shape[1:])
+        return result.reshape(*when.shape, *(() if one else numbers.shape), *result.shape[1:])
 
     def strikes(self, landed: bool | None = None, outcome: str | None = None) -> Array:
         """Return the strikes as a table, in the order of time.
@@ -104,11 +144,11 @@ class Take(TakeData):
             ``STRIKE``.
 
         Raises:
-            ValueError: There is no such outcome.
+            TakeError: There is no such outcome.
         """
         if outcome is not None and outcome not in OUTCOMES:
             expected = f"{', '.join(OUTCOMES)}{nearest(outcome, OUTCOMES)}"
-            raise ValueError(f"outcome is {outcome!r}, expected one of {expected}")
+            raise TakeError(f"outcome is {outcome!r}, expected one of {expected}")
         events = self.events
         table = np.empty(len(events.frame), STRIKE)
         table["seconds"] = np.asarray(events.frame, dtype=float) / self.control_rate
@@ -122,8 +162,3 @@ class Take(TakeData):
         table = table[np.argsort(table["seconds"], kind="stable")]
         table = table if landed is None else table[table["landed"] == landed]
         return table if outcome is None else table[table["outcome"] == outcome]
-
-    def _policy_of(self, avatar: int) -> int:
-        if not 0 <= avatar < self.avatar_count:
-            raise TakeError(f"there is no avatar {avatar}, expected 0 to {self.avatar_count - 1}")
-        return int(self.cast.policies[avatar])

@@ -78,7 +78,7 @@ def _use_run(base: Using, folder: Path) -> None:
     for read in (verify, read_checkpoint, complete, verify):
         with suppress(CrowdsimError):
             read(folder)
-    base.use_take(open_run(folder).take)
+    base.use_take(open_run(folder))
 
 
 def change_bundle(rng: Rng, folder: Path) -> None:

@@ -17,8 +17,7 @@ from crowdsim.take.plots import action_figure, distance_figure
 def sampler(workplace: Path) -> PoseSampler:
     write_scene(workplace / "four.yaml", duration=600)
     assert crowdsim("run", "four.yaml", "--out", "run", "--quiet") == 0
-    take, policies, _ = open_run(workplace / "run")
-    return PoseSampler(take, policies)
+    return open_run(workplace / "run").sampler
 
 
 def surface_gaps(points, silhouette):

@@ -1,0 +1,183 @@
+"""Runs that have been done, as Python has them: takes that know their policies, and export and draw themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from crowdsim.core.types import Array, FileName, Progress
+from crowdsim.core.workers import CORES
+from crowdsim.errors import CrowdsimError, OutputError, TakeError, nearest
+from crowdsim.scenario.frame_ranges import parse_frames
+from crowdsim.take.take import Take
+
+if TYPE_CHECKING:
+    from crowdsim.render.batch import Place
+
+KINDS = ("bvh", "ply", "pcd")
+"""What takes can be exported as."""
+
+
+@dataclass(frozen=True)
+class RecordedRun(Take):
+    """A run that has been done: its take with its policies; it exports and draws itself.
+
+    Attributes:
+        folder: The run folder; None of a run in memory.
+        notes: What a user should know of it.
+        arena: The arena of its scenario, see ``Crowd.arena``, which pictures show. Shape (5,).
+    """
+
+    folder: Path | None = None
+    notes: tuple[str, ...] = ()
+    arena: Array = field(default_factory=lambda: np.zeros(5))
+
+    @classmethod
+    def of(cls, take: Take, **more: Any) -> RecordedRun:
+        """Return the run of a take; ``more`` are further fields."""
+        return cls(**{**{one.name: getattr(take, one.name) for one in fields(take)}, **more})
+
+    def export(
+        self,
+        kinds: str | Sequence[str],
+        out: FileName | None = None,
+        avatars: ArrayLike | None = None,
+        frames: str | tuple[int, int] | None = None,
+        fps: float = 60.0,
+        every: int = 1,
+        points: int = 500,
+        threads: int = CORES,
+        progress: Progress | None = None,
+        force: bool = False,
+    ) -> list[Path]:
+        """Write files of the run: the same bytes as those that its scenario or the command line asks for.
+
+        Args:
+            kinds: ``bvh``, ``ply`` or ``pcd``, or several of them; PCD needs Open3D.
+            out: Folder for a folder of each kind; by default the run folder, where they replace those of their kind.
+            avatars: Numbers or names; all when None.
+            frames: Output frames, half-open: text such as ``0:120`` or ``2s:5s``, or two numbers; all when None.
+            fps: Output frames a second.
+            every: Every n-th output frame of point clouds is written.
+            points: Points an avatar of point clouds.
+            threads: Threads; the files do not depend on them.
+            progress: Called with stage, done and total.
+            force: Whether to do it again although it is done, and to replace exports in another folder.
+
+        Returns:
+            The files, by kinds.
+
+        Raises:
+            CrowdsimError: There is no such kind.
+            TakeError: Avatars or frames are not in the take, or the manifest is damaged.
+            OutputError: A folder cannot be made or is in use, or holds other files of these names.
+            RunError: A file cannot be written.
+        """
+        from crowdsim.runs.exports import ExportOptions, export_take
+
+        wanted = (kinds,) if isinstance(kinds, str) else tuple(kinds)
+        for kind in wanted:
+            if kind not in KINDS:
+                raise CrowdsimError(f"cannot export {kind!r}, expected {', '.join(KINDS)}{nearest(str(kind), KINDS)}")
+        chosen = None if avatars is None else ",".join(map(str, np.unique(self.cast.numbers(avatars))))
+        options = ExportOptions(wanted, chosen, _range_text(frames), fps, every, points)
+        folder = self._place(out)
+        written = export_take(self.folder or folder, self, self.policies, options, folder, threads, progress, force)
+        return [path for files in written.values() for path in files]
+
+    def render(
+        self,
+        out: FileName | None = None,
+        frames: str | tuple[int, int] | None = None,
+        camera: str | None = None,
+        size: str | tuple[int, int] = "1280x720",
+        fps: float = 30.0,
+        mp4: bool | None = None,
+        png: bool = False,
+        contact_sheet: int = 0,
+        caption: bool = True,
+        threads: int = CORES,
+        jobs: int = 1,
+        progress: Progress | None = None,
+        force: bool = False,
+    ) -> list[Path]:
+        """Draw the run, as the command ``render`` does.
+
+        Args:
+            out: Folder of the pictures; by default the run folder.
+            frames: Pictures, half-open: text such as ``0:120`` or ``2s:5s``, or two numbers; all when None.
+            camera: ``auto``, ``orbit``, ``top``, ``side``, ``front``, or ``follow:AVATAR`` with a number or name.
+            size: Width and height [px].
+            fps: Pictures a second.
+            mp4: Whether to write ``video.mp4``; when None, where nothing else is asked for.
+            png: Whether to write every picture as PNG, into the folder ``frames``.
+            contact_sheet: Number of moments in ``contact_sheet.png``; 0 for none.
+            caption: Whether pictures have a small caption.
+            threads: Threads; pictures do not depend on them.
+            jobs: Processes that share the pictures.
+            progress: Called with stage, done and total.
+            force: Whether pictures in another folder may be replaced.
+
+        Returns:
+            The files.
+
+        Raises:
+            CrowdsimError: The camera, an avatar or the size is invalid.
+            TakeError: Frames are not in the take.
+            OutputError: A folder cannot be made or is in use, or holds other files of these names.
+            RunError: A file cannot be written.
+        """
+        from crowdsim.render.batch import Place, render
+        from crowdsim.render.command import parse_size
+        from crowdsim.render.options import RenderOptions
+        from crowdsim.render.take_source import TakeSource
+        from crowdsim.runs.stage import write_pictures
+
+        given, said = _range_text(frames), size if isinstance(size, str) else "x".join(map(str, size))
+        options = RenderOptions(
+            size=parse_size(said),
+            fps=fps,
+            frames=None if given is None else parse_frames(given),
+            camera=camera,
+            mp4=not (png or contact_sheet) if mp4 is None else mp4,
+            png=png,
+            contact_sheet=contact_sheet,
+            caption=caption,
+            threads=threads,
+            jobs=jobs,
+        )
+        options.check()
+        drawn = {"size": said, "fps": fps, "frames": given, "camera": camera, "caption": caption}
+
+        @contextmanager
+        def record(folder: Path, planned: Sequence[Path], mark: str) -> Iterator[Place]:
+            with write_pictures(folder, planned, drawn, mark, self.folder, force, threads) as writing:
+                yield Place(writing.folder, writing.done)
+
+        source = TakeSource(self, self.policies, fps, threads=threads, arena=self.arena)
+        return list(render(source, self._place(out), options, progress, record).files)
+
+    def _place(self, out: FileName | None) -> Path:
+        """Return the folder for files of the run."""
+        if out is not None:
+            return Path(out)
+        if self.folder is None:
+            raise OutputError("the run is in memory and has no folder, expected one for its files as 'out'")
+        return self.folder
+
+
+def _range_text(frames: str | tuple[int, int] | None) -> str | None:
+    """Return a range of frames as text."""
+    if frames is None or isinstance(frames, str):
+        return frames
+    try:
+        start, stop = frames
+        return f"{int(start)}:{int(stop)}"
+    except (TypeError, ValueError):
+        raise TakeError(f"frames {frames!r}: expected two numbers, or text such as 0:120 or 2s:5s") from None
