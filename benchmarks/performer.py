@@ -30,7 +30,7 @@ from _fall_detection import count_captured, detect_falls
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial import KDTree
 
-from crowdsim.capture.loading import load_capture, usable_clip
+from crowdsim.capture.loading import load_capture, usable_clips
 from crowdsim.core.types import Array
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.analysis import on_floor
@@ -241,7 +241,7 @@ def find_capture(given: Path | None) -> Path | None:
 def measure_capture(path: Path) -> dict[str, Array]:
     """Return samples of a real clip, without its lead-in and on its floor."""
     capture = load_capture(path)
-    usable_clip(capture, strict=False)
+    usable_clips(capture, strict=False)
     assert capture.body is not None
     clip, _ = on_floor(resample(capture.motion, FPS), capture.body)
     return measure(clip, capture.body)

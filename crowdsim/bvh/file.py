@@ -19,7 +19,8 @@ FARTHEST = 1e6
 
 AXIS = {"X": 0, "Y": 1, "Z": 2}
 
-_COMMON_RATES = (24, 25, 30, 48, 50, 60, 72, 75, 90, 100, 120, 144, 150, 180, 200, 240, 250, 300, 360, 480, 500, 1000)
+COMMON_RATES = (24, 25, 30, 48, 50, 60, 72, 75, 90, 100, 120, 144, 150, 180, 200, 240, 250, 300, 360, 480, 500, 1000)
+"""Rates at which motion is usually written [1/s]."""
 _FILM_RATES = tuple(rate * 1000 / 1001 for rate in (24, 30, 48, 60, 120, 240))
 _FALLBACK_RATE = 30.0
 
@@ -116,7 +117,7 @@ def snap_rate(text: str, frame_time: float) -> float:
     low = frame_time - min(max(0.55 * unit, least), 0.045 * frame_time)
     high = frame_time + min(max(1.0 * unit, least), 0.045 * frame_time)
     nearby = range(max(1, math.floor(1.0 / high)), min(2000, math.ceil(1.0 / low)) + 1)
-    for rates in (_COMMON_RATES, _FILM_RATES, nearby):
+    for rates in (COMMON_RATES, _FILM_RATES, nearby):
         fitting = [float(known) for known in rates if low <= 1.0 / known <= high]
         if fitting:
             return min(fitting, key=lambda known: abs(1.0 / known - frame_time))

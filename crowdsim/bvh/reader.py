@@ -63,7 +63,9 @@ def parse_bvh(data: bytes, path: str = "") -> Bvh:
         path=path,
     )
     if len(motion) != declared:
-        scanner.fault(f"{len(motion)} rows of motion, Frames: says {declared}", scanner.frames_at)
+        # One row more or fewer is how exporters count; more are a file that is incomplete.
+        report = scanner.note if abs(len(motion) - declared) == 1 else scanner.fault
+        report(f"{len(motion)} rows of motion, Frames: says {declared}", scanner.frames_at)
     for what, row, column in _bad_channels(bvh):
         scanner.fault(what, rows.place_of(row, column))
     return replace(bvh, findings=tuple(scanner.findings), faults=tuple(scanner.faults))
@@ -244,7 +246,8 @@ def _odd_rows(scanner: Scanner, start: int, values: Array, columns: int) -> _Row
     if 2 * odd.sum() <= len(lines):
         more = f", and {odd.sum() - 1} more such rows" if odd.sum() > 1 else ""
         what = f"row of {lines[odd][0, 1]} numbers, expected {columns}, one a channel; left out{more}"
-        scanner.fault(what, place_of_number(scanner.data, start, int(firsts[odd][0])))
+        report = scanner.note if odd.sum() == 1 and odd[-1] else scanner.fault
+        report(what, place_of_number(scanner.data, start, int(firsts[odd][0])))
         firsts = firsts[~odd]
         return _Rows(values[firsts[:, None] + np.arange(columns)], scanner, start, firsts)
     rest = len(values) % columns

@@ -29,12 +29,6 @@ _BACKWARD = 0.5
 """How plainly a forearm has to go back and down, 1 wholly."""
 
 
-def fold_elbows_forward(clip: Clip, roles: Mapping[str, int]) -> tuple[Clip, tuple[str, ...]]:
-    """Return a clip whose elbows all fold forward, and the roles of those that did not (``backward_elbows``)."""
-    wrong = backward_elbows(clip, roles)
-    return fold_forward(clip, roles, wrong), wrong
-
-
 def backward_elbows(clip: Clip, roles: Mapping[str, int]) -> tuple[str, ...]:
     """Return the roles of elbows that fold backward throughout a clip: "left_elbow", "right_elbow", both or none.
 

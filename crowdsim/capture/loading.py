@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
+import itertools
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import cast, get_args
 
 import numpy as np
 
-from crowdsim.bvh.file import FARTHEST
-from crowdsim.bvh.io import Bvh, read_bvh, rotate_up, to_clip
+from crowdsim.bvh.io import Bvh, read_bvh
 from crowdsim.capture import units
-from crowdsim.capture.folding import fold_elbows_forward
-from crowdsim.core.types import Array, FileName
-from crowdsim.errors import MotionError
+from crowdsim.capture.faults import FAULTS, Choice
+from crowdsim.capture.outcomes import Outcome, decide
+from crowdsim.capture.reading import Reading
+from crowdsim.core.types import FileName
+from crowdsim.errors import MotionError, nearest
 from crowdsim.motion.analysis import ClipAnalysis, analyse_clip
-from crowdsim.motion.body import Body, standing_height
+from crowdsim.motion.body import Body
+from crowdsim.motion.contacts import runs
 from crowdsim.motion.joint_tree import JointTree
-from crowdsim.motion.measuring import (
-    MeasuredClip,
-    finite_frames,
-    human_roles,
-    lead_in,
-    measure_body,
-    rests_like_a_body,
-    sample_poses,
-)
+from crowdsim.motion.measuring import MeasuredClip, lead_in
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip, Skeleton
 from crowdsim.motion.strikes import ALL_LIMBS
@@ -37,8 +34,12 @@ _FLIP = np.deg2rad(100.0)
 _FLIP_SPEED = 50.0
 """A joint that rotates further than this in one frame [rad], faster than this [rad/s], has flipped."""
 _MOST_FLIPS = 20
+RATE = "time_base"
+"""The kind of fault for which a recipe may give frames a second."""
 _LOOSE = 0.03
 """Share of the body's height by which a joint of a limb may move against its parent, as skin does."""
+LEAST_SECONDS = 0.2
+"""Least length of a clip that can be trained on: two whole control frames at the default rate, and one to spare [s]."""
 
 
 @dataclass(frozen=True)
@@ -48,14 +49,15 @@ class Capture:
     Attributes:
         bvh: The file as it is.
         clip: Its motion, y up, in metres where the scale is known and in file units where it is not; all frames,
-            lead-in included. Elbows that fold backward in the file fold forward in it. Without a frame when the file
-            has none.
+            lead-in included, repaired. Without a frame when the file has none.
         finite: Whether every number of the motion is finite.
         body: The human body on its skeleton; None when there is none, or no scale for it.
         roles: Joint of each role; empty when this is no human body.
         unit_scale: Metres in a file unit; None when unknown.
         up_axis: The axis that is up in the file; None when unknown (y is taken).
-        lead_in: Frames at the start that are a calibration pose and the jump out of it.
+        spans: First and last frame of each stretch of motion, half-open: without the lead-in, and without frames in
+            which tracking was lost. At least one.
+        diagnoses: Faults that were recognised, and what was done about each.
         findings: What is odd, a line each.
         faults: Those of the findings for which the file cannot be trained on.
     """
@@ -67,14 +69,20 @@ class Capture:
     roles: dict[str, int]
     unit_scale: float | None
     up_axis: str | None
-    lead_in: int
+    spans: tuple[tuple[int, int], ...]
+    diagnoses: tuple[Outcome, ...]
     findings: tuple[str, ...]
     faults: tuple[str, ...]
 
     @property
+    def lead_in(self) -> int:
+        """Frames at the start that are a calibration pose, the jump out of it, or no motion for another reason."""
+        return self.spans[0][0]
+
+    @property
     def motion(self) -> Clip:
-        """The clip without its lead-in."""
-        return self.clip.sliced(self.lead_in, self.clip.frame_count)
+        """The clip without its lead-in and what comes after its motion; frames that are lost are bridged."""
+        return self.clip.sliced(self.lead_in, self.spans[-1][1])
 
     @property
     def start(self) -> float:
@@ -109,61 +117,131 @@ class _Notes:
         self.faults.extend(what)
 
 
-def load_capture(path: FileName, unit: str | float | None = None, up_axis: str | None = None) -> Capture:
+def load_capture(
+    path: FileName,
+    unit: str | float | None = None,
+    up_axis: str | None = None,
+    faults: Mapping[str, str | float] | None = None,
+) -> Capture:
     """Read a BVH file and find out what it is.
 
     Args:
         path: The file.
         unit: Its unit, a name of ``crowdsim.capture.units.UNITS`` or metres; found when None.
         up_axis: Its up axis, 'y' or '-z' say; found when None.
+        faults: What is done about kinds of faults, instead of what is usual: "repair" them, sure or not; "keep" the
+            motion as it is in the file; or "refuse" the file. "time_base" may be a number of frames a second instead.
 
     Raises:
         BvhError: The file is no BVH.
-        MotionError: The given unit or axis is unknown.
+        MotionError: The given unit, axis or kind of fault is unknown.
     """
     scale = None if unit is None else units.parse_unit(unit)
     axis = None if up_axis is None else units.parse_up_axis(up_axis)
+    choices = check_choices(faults or {})
     bvh = read_bvh(path)
-    raw, notes = to_clip(_within_reach(bvh)), _Notes(bvh)
-    poses, turned = sample_poses(raw)
-    roles = human_roles(raw.skeleton, poses, turned)
+    notes = _Notes(bvh)
+    rate = choices.pop(RATE, None)
+    if isinstance(rate, float):
+        notes.find(f"{RATE}: it is read at {rate:g} frames a second, as asked")
+    elif rate is not None:
+        choices[RATE] = rate
+    reading = Reading(bvh if not isinstance(rate, float) else replace(bvh, fps=rate), scale, axis)
+    reading, diagnoses = _without_faults(reading, choices)
+    roles, clip, body = reading.roles, reading.clip, reading.body
     if not roles:
-        notes.fault(f"no human body found in {raw.skeleton.joint_count} joints: {_names(raw.skeleton)}")
-    if axis is None:
-        axis = _find_up_axis(raw.skeleton, roles, poses)
-        if axis is None:
-            notes.find("up axis unknown, y is taken: the body is neither upright nor keeps to a floor")
-    if scale is None:
-        scale = _find_scale(raw.skeleton, roles, poses, notes)
-    clip = _in_metres(raw, scale or 1.0, axis or "y")
-    finite = bool(finite_frames(clip).all())
-    if roles and finite:
-        clip, wrong = fold_elbows_forward(clip, roles)
-        notes.find(*(f"{role.replace('_', ' ')} folds backward, it is corrected to fold forward" for role in wrong))
+        notes.fault(f"no human body found in {clip.skeleton.joint_count} joints: {_names(clip.skeleton)}")
+    if reading.up_axis is None:
+        notes.find("up axis unknown, y is taken: the body is neither upright nor keeps to a floor")
+    if reading.scale is None:
+        if reading.height is None:
+            notes.fault("unknown scale: without a human body there is nothing to measure it by")
+        else:
+            notes.fault(units.describe_heights(reading.height))
+    for diagnosis in diagnoses:
+        (notes.fault if diagnosis.refused else notes.find)(diagnosis.words)
     if clip.frame_count <= 1:
         notes.fault("no frames, expected motion" if clip.frame_count == 0 else "a single frame, expected motion")
-    body = measure_body(clip, roles) if roles and scale is not None else None
-    start = 0
-    if clip.frame_count > 1 and finite:
-        start = lead_in(clip, body) if body is not None else 0
-        notes.fault(*_flips(clip, start))
+    spans = [(0, clip.frame_count)]
+    if clip.frame_count > 1 and reading.finite:
+        spans = _spans(reading)
+        if body is not None:
+            start, stop = spans[0]
+            spans[0] = (start + lead_in(clip.sliced(start, stop), body), stop)
+        notes.fault(*(flip for start, stop in spans for flip in _flips(clip, start, stop)))
         notes.find(*_moving_joints(clip, body))
     return Capture(
         bvh=bvh,
         clip=clip,
-        finite=finite,
+        finite=reading.finite,
         body=body,
         roles=roles,
-        unit_scale=scale,
-        up_axis=axis,
-        lead_in=start,
+        unit_scale=reading.scale,
+        up_axis=reading.up_axis,
+        spans=tuple(spans),
+        diagnoses=tuple(diagnoses),
         findings=tuple(notes.findings),
         faults=tuple(notes.faults),
     )
 
 
-def usable_clip(capture: Capture, strict: bool = True) -> MeasuredClip:
-    """Return a capture's clip with its body and lead-in, if it can be trained on.
+def check_choices(faults: Mapping[str, str | float]) -> dict[str, Choice | float]:
+    """Return what is to be done about kinds of faults if all of them, and what is asked for, exist.
+
+    Raises:
+        MotionError: A kind of fault is unknown, or what is asked for.
+    """
+    names = [fault.name for fault in FAULTS]
+    checked: dict[str, Choice | float] = {}
+    for name, choice in faults.items():
+        if name not in names:
+            raise MotionError(f"fault {name!r} is unknown{nearest(name, names)}; expected {', '.join(names)}")
+        if name == RATE and isinstance(choice, int | float) and 1.0 <= choice <= 2000.0:
+            checked[name] = float(choice)
+        elif choice in get_args(Choice):
+            checked[name] = cast(Choice, choice)
+        else:
+            rates = ", or 1 to 2000 frames a second" if name == RATE else ""
+            raise MotionError(f"fault {name!r}: {choice!r} is unknown, expected {', '.join(get_args(Choice))}{rates}")
+    return checked
+
+
+def _without_faults(reading: Reading, choices: Mapping[str, Choice | float]) -> tuple[Reading, list[Outcome]]:
+    """Examine a reading for every kind of fault; return it as repaired, and what was found and done.
+
+    A file that is refused is returned as it is from there on; what else is wrong is looked for as if it were repaired.
+    """
+    outcomes: list[Outcome] = []
+    examined = reading
+    for fault in FAULTS:
+        diagnosis = fault.examine(examined)
+        if diagnosis is None:
+            continue
+        outcome = decide(diagnosis, cast("Choice | None", choices.get(fault.name)))
+        outcomes.append(outcome)
+        if diagnosis.repair is None or outcome.done == "kept":
+            continue
+        examined = diagnosis.repair()
+        if diagnosis.needed or not any(one.refused for one in outcomes):
+            reading = examined
+    return reading, outcomes
+
+
+def _spans(reading: Reading) -> list[tuple[int, int]]:
+    """Stretches of consecutive frames that are motion; the whole clip where nothing would be left."""
+    count = reading.clip.frame_count
+    usable = np.ones(count, bool) if reading.lost is None else ~reading.lost
+    edges = [0, *reading.cuts, count]
+    spans = [
+        (first + int(a), first + int(b))
+        for first, stop in itertools.pairwise(edges)
+        for a, b in runs(usable[first:stop])
+    ]
+    return [(a, b) for a, b in spans if b - a > 1] or [(0, count)]
+
+
+def usable_clips(capture: Capture, strict: bool = True) -> list[MeasuredClip]:
+    """Return a capture's clips with their body and lead-in, if it can be trained on: one, or those between losses.
 
     Args:
         capture: The capture.
@@ -173,10 +251,18 @@ def usable_clip(capture: Capture, strict: bool = True) -> MeasuredClip:
         MotionError: It cannot: the file and every reason, a line each.
     """
     usable = capture.finite and capture.clip.frame_count > 1 and not (strict and capture.faults)
-    if capture.body is not None and usable:
-        return MeasuredClip(capture.clip, capture.body, capture.lead_in)
-    source = capture.clip.source
-    raise MotionError("\n".join(with_path(fault, source) for fault in capture.faults))
+    usable &= not any(outcome.refused for outcome in capture.diagnoses)
+    body = capture.body
+    if body is None or not usable:
+        source = capture.clip.source
+        raise MotionError("\n".join(with_path(fault, source) for fault in capture.faults))
+    if len(capture.spans) == 1 and capture.spans[0][1] == capture.clip.frame_count:
+        return [MeasuredClip(capture.clip, body, capture.lead_in)]
+    least = LEAST_SECONDS * capture.clip.fps
+    spans = [span for span in capture.spans if span[1] - span[0] >= least] or [
+        max(capture.spans, key=lambda span: span[1] - span[0])
+    ]
+    return [MeasuredClip(capture.clip.sliced(*span), body) for span in spans]
 
 
 def without_path(finding: str, path: str) -> str:
@@ -195,74 +281,17 @@ def with_path(finding: str, path: FileName) -> str:
     return f"{path}:1:1: {finding}" if found is None else f"{path}:{found[1]}:{found[2]}: {finding[found.end() :]}"
 
 
-def _within_reach(bvh: Bvh) -> Bvh:
-    """Return the file with NaN in place of numbers so great that they can be no motion, which are faults of it."""
-    if not bvh.motion.size or np.abs(bvh.motion).max() <= FARTHEST:
-        return bvh
-    return replace(bvh, motion=np.where(np.abs(bvh.motion) <= FARTHEST, bvh.motion, np.nan))
-
-
 def _names(skeleton: Skeleton) -> str:
     shown = ", ".join(skeleton.names[:6])
     return shown + (" ..." if skeleton.joint_count > 6 else "")
 
 
-def _find_scale(skeleton: Skeleton, roles: dict[str, int], poses: Array, notes: _Notes) -> float | None:
-    """Metres in a file unit by the height of the body; None when it is unknown, which is a fault."""
-    if not roles:
-        notes.fault("unknown scale: without a human body there is nothing to measure it by")
-        return None
-    height = standing_height(skeleton, roles, poses[0] if len(poses) else None)
-    scale = units.find_scale(height)
-    if scale is None:
-        notes.fault(units.describe_heights(height))
-    return scale
-
-
-def _find_up_axis(skeleton: Skeleton, roles: dict[str, int], poses: Array) -> str | None:
-    """The axis that is up in a file; None when nothing shows it."""
-    rest = skeleton.rest_positions()
-    group = poses if len(poses) else rest[None]
-    if roles:
-        feet = [roles["left_foot"], roles["right_foot"]]
-        return units.find_up_axis(rest if rests_like_a_body(skeleton, roles) else None, group, [roles["head"]], feet)
-    # Of a body that is no human's, legs hang down from where they begin; arms and wings even out.
-    tree = JointTree(skeleton, group)
-    limbs = [limb for pair in tree.mirrored_pairs() for limb in pair]
-    tops, tips = [tree.parents[limb] for limb in limbs], [tree.main_chain(limb)[-1] for limb in limbs]
-    axis = units.find_up_axis(None, group, tops, tips)
-    # Files of other than humans have y or z up; limbs that point elsewhere are no legs.
-    return axis if axis in (None, "y", "z") else units.find_up_axis(None, group, [], [])
-
-
-def _in_metres(clip: Clip, scale: float, up_axis: str) -> Clip:
-    """The clip in metres and y up, as ``to_clip`` with this scale and axis makes it."""
-    if scale == 1.0 and up_axis == "y":
-        return clip
-    rotated = up_axis != "y"
-
-    def move(positions: Array) -> Array:
-        return np.asarray(rotate_up(positions * scale, up_axis) if rotated else positions * scale)
-
-    rotations = clip.rotations
-    if rotated:
-        rotations = np.concatenate([rotations[..., :1], rotate_up(rotations[..., 1:], up_axis)], axis=-1)
-    skeleton = replace(clip.skeleton, offsets=move(clip.skeleton.offsets), end_offsets=move(clip.skeleton.end_offsets))
-    return replace(
-        clip,
-        skeleton=skeleton,
-        root_positions=move(clip.root_positions),
-        rotations=rotations,
-        translations=None if clip.translations is None else move(clip.translations),
-    )
-
-
-def _flips(clip: Clip, start: int) -> list[str]:
+def _flips(clip: Clip, start: int, stop: int) -> list[str]:
     """Joints that rotate further in one frame than a body can."""
     least = max(_FLIP, _FLIP_SPEED / clip.fps)
     if least >= np.pi:
         return []
-    dots = np.abs(np.einsum("fjc,fjc->fj", clip.rotations[start + 1 :], clip.rotations[start:-1]))
+    dots = np.abs(np.einsum("fjc,fjc->fj", clip.rotations[start + 1 : stop], clip.rotations[start : stop - 1]))
     flips = np.argwhere(dots < np.cos(0.5 * least))
     found = []
     for frame, joint in flips[:_MOST_FLIPS]:

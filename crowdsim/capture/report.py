@@ -18,13 +18,14 @@ def describe_capture(capture: Capture) -> dict[str, Any]:
         "end_sites": len(bvh.end_parents),
         "channels": bvh.channel_count,
         "frames": bvh.frame_count,
-        "fps": bvh.fps,
-        "seconds": bvh.frame_count / bvh.fps,
+        "fps": capture.clip.fps,
+        "seconds": capture.clip.seconds,
         "unit_scale": capture.unit_scale,
         "up_axis": capture.up_axis,
         "height_m": None if capture.body is None else round(capture.body.height, 4),
         "roles": {role: skeleton.names[joint] for role, joint in capture.roles.items()},
         "lead_in_frames": capture.lead_in,
+        "lost_frames": bvh.frame_count - capture.lead_in - sum(stop - start for start, stop in capture.spans),
         "floor_m": None,
         "contacts": None,
         "contact_share": None,
@@ -33,6 +34,16 @@ def describe_capture(capture: Capture) -> dict[str, Any]:
         "highest_fist_speed": None,
         "strike_list": [],
         "rejected_list": [],
+        "faults": [
+            {
+                "fault": outcome.diagnosis.fault,
+                "what": outcome.diagnosis.what,
+                "confidence": round(outcome.diagnosis.confidence, 3),
+                "done": outcome.done,
+                "remedy": outcome.diagnosis.remedy or None,
+            }
+            for outcome in capture.diagnoses
+        ],
         "findings": list(capture.findings),
     }
     if analysis is None:
@@ -48,7 +59,7 @@ def describe_capture(capture: Capture) -> dict[str, Any]:
         strike_list=[
             {
                 "seconds": round(capture.start + int(frame) / fps, 4),
-                "frame": round((capture.start + int(frame) / fps) * bvh.fps),
+                "frame": round((capture.start + int(frame) / fps) * capture.clip.fps),
                 "hand": SIDES[int(limb) % 2],
                 "limb": LIMBS[int(limb)],
                 "speed": round(float(speed), 3),

@@ -27,6 +27,7 @@ def _file(figures: Figures) -> list[Row]:
         ("skeleton", f"{shape}, {count(figures['channels'], 'channel')}"),
         ("motion", f"{count(figures['frames'], 'frame')}, {figures['fps']:.6g} per second, {figures['seconds']:.2f} s"),
         ("lead-in pose", f"{count(lead_in, 'frame')}, cut off" if lead_in else None),
+        ("left out", f"{count(figures['lost_frames'], 'frame')} besides" if figures["lost_frames"] else None),
         ("unit", f"{scale:.6g} m" if scale else "unknown"),
         ("up axis", figures["up_axis"] or "unknown"),
         ("body", f"{height:.2f} m tall" if height else None),

@@ -30,11 +30,19 @@ def inspect(
     up: Annotated[
         str | None, typer.Option(metavar="AXIS", help="Up axis of a BVH file: y, z, -y ...; found by default.")
     ] = None,
+    faults: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--fault",
+            metavar="KIND=WHAT",
+            help="What is done about a kind of fault of a BVH file: repair, keep or refuse; time_base=120 is a rate.",
+        ),
+    ] = None,
     force: Force = False,
 ) -> None:
     """Describe a BVH file, a trained policy or a run in words and figures, and draw it.
 
-    Where numbers of a BVH file are missing or wrong, the exit code is 2.
+    Where numbers of a BVH file are missing or wrong, or it is not to be trained on, the exit code is 2.
     """
     from crowdsim.runs.archive import is_archive
 
@@ -43,7 +51,7 @@ def inspect(
         with opened_run(path) as folder:
             _inspect_run(folder, as_json, plots, force)
     elif path.is_file() and path.suffix not in (".yaml", ".yml"):
-        _inspect_bvh(path, as_json, plots, unit, up, force)
+        _inspect_bvh(path, as_json, plots, (unit, up, _choices(faults or [])), force)
     elif path.suffix.lower() == ".bvh":
         raise CrowdsimError(f"{path}: no such file")
     else:
@@ -114,12 +122,32 @@ def _print(
         print(line)
 
 
-def _inspect_bvh(path: Path, as_json: bool, plots: Path | None, unit: str | None, up: str | None, force: bool) -> None:
+def _choices(words: list[str]) -> dict[str, str | float]:
+    """Return what is to be done about kinds of faults, from ``kind=what``."""
+    choices: dict[str, str | float] = {}
+    for word in words:
+        kind, equals, what = word.partition("=")
+        if not equals:
+            raise CrowdsimError(f"--fault {word}: expected KIND=WHAT, such as in_place=keep")
+        try:
+            choices[kind] = float(what)
+        except ValueError:
+            choices[kind] = what
+    return choices
+
+
+def _inspect_bvh(
+    path: Path,
+    as_json: bool,
+    plots: Path | None,
+    given: tuple[str | None, str | None, dict[str, str | float]],
+    force: bool,
+) -> None:
     from crowdsim.capture.loading import load_capture, with_path
     from crowdsim.capture.report import describe_capture
     from crowdsim.commands.capture_text import capture_lines
 
-    capture = load_capture(path, unit, up)
+    capture = load_capture(path, *given)
     result = describe_capture(capture)
     if plots is not None:
         from crowdsim.capture.plots import plot_capture
@@ -128,5 +156,5 @@ def _inspect_bvh(path: Path, as_json: bool, plots: Path | None, unit: str | None
     _print(path, result, capture_lines, as_json)
     for finding in [] if as_json else result["findings"]:
         print(with_path(finding, path), file=sys.stderr)
-    if capture.bvh.faults:
+    if capture.bvh.faults or any(outcome.refused for outcome in capture.diagnoses):
         sys.exit(2)

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
 from crowdsim.core.types import Progress
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.training.recipe import Recipe
+
+
+@runtime_checkable
+class _TakesNotes(Protocol):
+    """Progress that shows what is found, too."""
+
+    def note(self, text: str) -> None:
+        """Show a line."""
 
 
 def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None = None) -> MotionDatabase:
@@ -17,7 +26,7 @@ def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None
         MotionError: A file cannot be used: which, and why; or there are no strikes, and a behaviour needs them.
         BvhError: A file is no BVH.
     """
-    from crowdsim.capture.loading import Capture, load_capture, usable_clip
+    from crowdsim.capture.loading import Capture, load_capture, usable_clips, with_path
     from crowdsim.motion.database import build_database
     from crowdsim.motion.measuring import MeasuredClip, measure_clips
     from crowdsim.performer.session import perform
@@ -40,8 +49,11 @@ def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None
     else:
         assert source is not None
         for done, path in enumerate(files, start=1):
-            captures.append(load_capture(path, source.unit, source.up_axis))
-            clips.append(usable_clip(captures[-1], source.strict))
+            captures.append(load_capture(path, source.unit, source.up_axis, source.faults))
+            if isinstance(progress, _TakesNotes):
+                for finding in captures[-1].findings:
+                    progress.note(with_path(finding, path))
+            clips.extend(usable_clips(captures[-1], source.strict))
             if progress is not None:
                 progress("read capture", done, len(files))
     database = build_database(

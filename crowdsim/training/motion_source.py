@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import PurePosixPath
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from crowdsim.capture.units import UNITS, parse_unit
 from crowdsim.config.files import Fault, StrictModel
@@ -30,6 +30,7 @@ def _known(unit: str | float) -> str | float:
 
 
 Unit = Annotated[str | float, AfterValidator(_known)]
+Choice = Literal["repair", "keep", "refuse"] | float
 ClipName = Annotated[str, AfterValidator(_inside)]
 
 
@@ -72,6 +73,22 @@ class CaptureSource(StrictModel):
         default=None, description="Up axis of the files, such as y or -z; found when null."
     )
     strict: bool = Field(default=True, description="Refuse files with wrong row counts or joints that flip.")
+    faults: dict[str, Choice] = Field(
+        default_factory=dict,
+        description="What is done about kinds of faults that `crowdsim inspect` finds, instead of what is usual: "
+        "`repair`, sure or not; `keep` the motion as it is; or `refuse` files. `time_base` may be frames per second.",
+    )
+
+    @field_validator("faults")
+    @classmethod
+    def _known_faults(cls, faults: dict[str, Choice]) -> dict[str, Choice]:
+        from crowdsim.capture.loading import check_choices
+
+        try:
+            check_choices(faults)
+        except MotionError as error:
+            raise ValueError(str(error)) from None
+        return faults
 
 
 class Motion(StrictModel):

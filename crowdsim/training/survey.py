@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from crowdsim.capture.loading import load_capture, usable_clip, without_path
+from crowdsim.capture.loading import LEAST_SECONDS, load_capture, usable_clips, without_path
 from crowdsim.core.types import FileName, Progress
 from crowdsim.errors import BvhError, MotionError, PolicyError
 from crowdsim.motion.skeleton import Skeleton
@@ -14,8 +14,6 @@ from crowdsim.motion.strikes import ALL_LIMBS, LIMBS
 from crowdsim.training.fingerprint import bvh_files
 from crowdsim.training.no_strikes_report import Fists, measure_fists
 
-LEAST_SECONDS = 0.2
-"""Least length of a clip that can be trained on: two whole control frames at the default rate, and one to spare [s]."""
 _SHOWN = 4
 
 
@@ -30,6 +28,7 @@ class SurveyedFile:
         strikes: Strikes found in it by limb, in the order of ``motion.strikes.LIMBS``.
         fists: How fast its fists are; None where that is not known.
         skeleton: Its skeleton; None where it cannot be trained on.
+        findings: What is odd about it and what is done about that.
     """
 
     name: str
@@ -38,6 +37,7 @@ class SurveyedFile:
     strikes: tuple[int, ...] = (0,) * len(LIMBS)
     fists: Fists | None = None
     skeleton: Skeleton | None = None
+    findings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def group_by_skeleton(files: Sequence[SurveyedFile]) -> list[list[SurveyedFile]]
 def _survey_file(path: Path, name: str) -> SurveyedFile:
     try:
         capture = load_capture(path)
-        clip = usable_clip(capture).clip
+        clip = usable_clips(capture)[0].clip
     except (BvhError, MotionError) as error:
         return SurveyedFile(name, _first_line(str(error), path))
     motion = capture.motion
@@ -127,7 +127,9 @@ def _survey_file(path: Path, name: str) -> SurveyedFile:
         return SurveyedFile(name, "no motion of a body")
     limbs = capture.analysis.strikes.limbs
     strikes = tuple(int((limbs == limb).sum()) for limb in ALL_LIMBS)
-    return SurveyedFile(name, "", motion.seconds, strikes, measure_fists(name, capture), clip.skeleton)
+    return SurveyedFile(
+        name, "", motion.seconds, strikes, measure_fists(name, capture), clip.skeleton, capture.findings
+    )
 
 
 def _first_line(message: str, path: Path) -> str:

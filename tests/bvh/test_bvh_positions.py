@@ -7,7 +7,7 @@ from bvh_text import PLAIN, bvh
 
 from crowdsim.bvh.io import parse_bvh
 from crowdsim.bvh.reader import place_of_number
-from crowdsim.capture.loading import load_capture, usable_clip
+from crowdsim.capture.loading import load_capture, usable_clips
 from crowdsim.errors import BvhError, MotionError
 
 ENDS = ("\n", "\r", "\r\n", " \r\n \r\n")
@@ -51,7 +51,7 @@ def test_what_is_wrong_with_a_file_as_a_whole_is_reported_on_its_first_line(tmp_
     path = tmp_path / "walk.bvh"
     path.write_text(PLAIN)
     with pytest.raises(MotionError) as caught:
-        usable_clip(load_capture(path))
+        usable_clips(load_capture(path))
     assert str(caught.value).splitlines()[:2] == [
         f"{path}:1:1: no human body found in 3 joints: Hips, Chest, Leg",
         f"{path}:1:1: unknown scale: without a human body there is nothing to measure it by",

@@ -12,7 +12,7 @@ from conventions import CONVENTIONS
 from exporters import UPS, Export, export_motion
 
 from crowdsim.bvh.io import format_bvh, to_clip, write_bvh
-from crowdsim.capture.loading import load_capture, usable_clip
+from crowdsim.capture.loading import load_capture, usable_clips
 from crowdsim.capture.report import describe_capture
 from crowdsim.errors import BvhError, MotionError
 from crowdsim.motion.roles import find_roles
@@ -101,7 +101,7 @@ def test_no_motion_is_a_fault(boxer, tmp_path, frames):
     assert capture.findings == (what,) == capture.faults
     assert capture.up_axis == "y"
     with pytest.raises(MotionError, match=rf"clip\.bvh:1:1: {what}"):
-        usable_clip(capture, strict=False)
+        usable_clips(capture, strict=False)
 
 
 @pytest.mark.parametrize("name", ANIMALS)
@@ -131,9 +131,9 @@ def test_a_wrong_row_count_is_reported_with_both_numbers_and_refused_for_trainin
     assert capture.findings == capture.faults
     assert capture.findings == ("line 133, column 9: 360 rows of motion, Frames: says 400",)
     with pytest.raises(MotionError) as error:
-        usable_clip(capture)
+        usable_clips(capture)
     assert str(error.value) == f"{path}:133:9: 360 rows of motion, Frames: says 400"
-    assert usable_clip(capture, strict=False).clip is capture.clip
+    assert usable_clips(capture, strict=False)[0].clip is capture.clip
 
 
 @pytest.mark.parametrize("value", [b"nan", b"inf"])
@@ -150,7 +150,7 @@ def test_channels_that_are_not_finite_are_reported_with_their_position(boxer, tm
     assert capture.analysis is None
     assert capture.unit_scale == 0.01
     with pytest.raises(MotionError):
-        usable_clip(capture, strict=False)
+        usable_clips(capture, strict=False)
 
 
 def test_flips_are_reported_with_joint_and_frames(boxer, tmp_path):
@@ -180,7 +180,7 @@ def test_joints_that_stretch_are_reported_and_may_be_trained_on(boxer, tmp_path)
     capture = load_capture(_write(tmp_path, replace(bvh, motion=motion)))
     assert capture.faults == ()
     assert capture.findings == ("1 joints move against their parents, 'LeftHand' by 0.200 m",)
-    assert usable_clip(capture).clip is capture.clip
+    assert usable_clips(capture)[0].clip is capture.clip
 
 
 @pytest.mark.parametrize("name", ["unreal", "rigify", "vrm", "bandai", "accad"])
@@ -218,4 +218,24 @@ def test_findings_of_the_file_name_the_line(boxer, tmp_path):
     path.write_bytes(b"\n".join(lines))
     capture = load_capture(path)
     assert capture.findings[0].startswith(f"line {len(lines) - 1}, column 1: row of 3 numbers, expected 69")
-    assert len(capture.faults) == 2
+    assert capture.findings[1].endswith("359 rows of motion, Frames: says 360")
+    assert capture.faults == capture.findings[:1]
+
+
+@pytest.mark.parametrize("declared", [359, 361])
+def test_a_file_with_one_row_more_or_fewer_than_it_says_is_used_with_a_finding(boxer, tmp_path, declared):
+    path = _write(tmp_path, boxer[0])
+    path.write_bytes(path.read_bytes().replace(b"Frames: 360", b"Frames: %d" % declared))
+    capture = load_capture(path)
+    assert capture.findings == (f"line 133, column 9: 360 rows of motion, Frames: says {declared}",)
+    assert capture.faults == ()
+    assert usable_clips(capture)[0].clip is capture.clip
+
+
+def test_a_last_row_that_is_cut_off_is_left_out_with_a_finding(boxer, tmp_path):
+    path = _write(tmp_path, boxer[0])
+    path.write_bytes(path.read_bytes()[:-200])
+    capture = load_capture(path)
+    assert "one a channel; left out" in capture.findings[0]
+    assert capture.faults == ()
+    assert usable_clips(capture)[0].clip.frame_count == 359

@@ -1,0 +1,272 @@
+"""Captures with faults, made from clean ones: each beside the clean twin that it was made from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.bvh.io import Bvh, from_clip, to_clip
+from crowdsim.capture.columns import path_of, position_columns, rotation_columns, with_path
+from crowdsim.motion import quaternion
+from crowdsim.motion.body import Body
+from crowdsim.motion.kinematics import clip_kinematics
+from crowdsim.motion.mirroring import mirrored
+from crowdsim.motion.skeleton import Clip
+
+Array = NDArray[np.float64]
+Change = Callable[[Bvh], Bvh]
+
+
+def rate_of(fps: float) -> Change:
+    """Write a frame time that means another rate."""
+    return lambda bvh: replace(bvh, fps=fps, frame_time=1.0 / fps)
+
+
+def timed_in(unit: Callable[[float], float]) -> Change:
+    """Write the frame time in another unit; ``unit`` gives the number for a rate."""
+
+    def change(bvh: Bvh) -> Bvh:
+        return rate_of(1.0 / unit(bvh.fps))(bvh)
+
+    return change
+
+
+def root_scaled(factor: float) -> Change:
+    """Write the root's positions in another unit."""
+    return lambda bvh: with_path(bvh, 0, path_of(bvh, 0) * factor)
+
+
+def root_exchanged(bvh: Bvh) -> Bvh:
+    """Write the root's path with z up and all else with y up."""
+    path = path_of(bvh, 0)
+    return with_path(bvh, 0, path[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0]))
+
+
+def root_displacements(bvh: Bvh) -> Bvh:
+    """Write by how much the root moves in each frame."""
+    path = path_of(bvh, 0)
+    return with_path(bvh, 0, np.diff(path, axis=0, prepend=path[:1]))
+
+
+def root_step(bvh: Bvh) -> Bvh:
+    """Let the root step to the side by 60 % of a leg in the middle of the clip, and stay there."""
+    path = path_of(bvh, 0)
+    path[len(path) // 2 :, 0] += 0.6 * _leg(bvh)
+    return with_path(bvh, 0, path)
+
+
+def root_at_origin(bvh: Bvh) -> Bvh:
+    """Put the root to the origin for six frames in the middle of the clip."""
+    path, middle = path_of(bvh, 0), bvh.frame_count // 2
+    path[middle : middle + 6] = 0.0
+    return with_path(bvh, 0, path)
+
+
+def rows_of_zeros(bvh: Bvh) -> Bvh:
+    """Write zeros in all channels of six frames in the middle of the clip."""
+    motion, middle = bvh.motion.copy(), bvh.frame_count // 2
+    motion[middle : middle + 6] = 0.0
+    return replace(bvh, motion=motion)
+
+
+def root_held(bvh: Bvh) -> Bvh:
+    """Write every fifth position of the root five times."""
+    path = path_of(bvh, 0)
+    return with_path(bvh, 0, path[np.arange(len(path)) // 5 * 5])
+
+
+def in_place(bvh: Bvh) -> Bvh:
+    """Keep the root over one point of the ground."""
+    path = path_of(bvh, 0)
+    path[:, [0, 2]] = path[:1, [0, 2]]
+    return with_path(bvh, 0, path)
+
+
+def left_handed(bvh: Bvh) -> Bvh:
+    """Mirror the file at x, names of left and right as they were."""
+    signs = np.ones(bvh.channel_count)
+    starts = bvh.first_channels()
+    for joint, names in enumerate(bvh.channels):
+        for place, name in enumerate(names):
+            if name in ("Xposition", "Yrotation", "Zrotation"):
+                signs[starts[joint] + place] = -1.0
+    mirror = np.array([-1.0, 1.0, 1.0])
+    return replace(bvh, motion=bvh.motion * signs, offsets=bvh.offsets * mirror, end_offsets=bvh.end_offsets * mirror)
+
+
+def tilted(degrees: float, about: float) -> Change:
+    """Rotate the motion about a horizontal axis, as the axes of a camera do."""
+
+    def change(bvh: Bvh) -> Bvh:
+        half = np.deg2rad(degrees) / 2.0
+        turn = np.array([np.cos(half), np.sin(half) * np.cos(about), 0.0, np.sin(half) * np.sin(about)])
+        return rotated(bvh, turn)
+
+    return change
+
+
+def rotated(bvh: Bvh, turn: Array) -> Bvh:
+    """Rotate the motion about the origin; the rest pose stays."""
+    clip = to_clip(bvh)
+    rotations = clip.rotations.copy()
+    rotations[:, 0] = quaternion.multiply(turn, rotations[:, 0])
+    roots = quaternion.rotate(turn, clip.root_positions)
+    moved = clip.translations
+    if moved is not None:
+        moved = moved.copy()
+        moved[:, 0] = roots
+    return _written(replace(clip, rotations=rotations, root_positions=roots, translations=moved), bvh)
+
+
+def angles_in(factor: float) -> Change:
+    """Write angles in another unit than degrees."""
+
+    def change(bvh: Bvh) -> Bvh:
+        motion = bvh.motion.copy()
+        motion[:, rotation_columns(bvh)] *= factor
+        return replace(bvh, motion=motion)
+
+    return change
+
+
+def named_in(order: str) -> Change:
+    """Name the rotation channels of all joints in another order than that in which their numbers are."""
+
+    def change(bvh: Bvh) -> Bvh:
+        channels = []
+        for names in bvh.channels:
+            letters = iter(order)
+            channels.append(tuple(f"{next(letters)}rotation" if name.endswith("rotation") else name for name in names))
+        return replace(bvh, channels=tuple(channels))
+
+    return change
+
+
+def rotations_first(bvh: Bvh) -> Bvh:
+    """Name the root's rotations before its positions, which are written first."""
+    root = bvh.channels[0]
+    swapped = tuple(name for kind in ("rotation", "position") for name in root if name.endswith(kind))
+    return replace(bvh, channels=(swapped, *bvh.channels[1:]))
+
+
+def positions_of_all(places: Callable[[Bvh, int, Array], Array]) -> Change:
+    """Give every joint six channels; ``places`` says what its positions are, from world positions (F, J, 3)."""
+
+    def change(bvh: Bvh) -> Bvh:
+        clip = to_clip(bvh)
+        world = clip_kinematics(clip)[0]
+        still = np.broadcast_to(clip.skeleton.offsets, world.shape).copy()
+        still[:, 0] = clip.root_positions
+        six = _written(replace(clip, translations=still), bvh)
+        motion = six.motion.copy()
+        for joint in range(1, six.joint_count):
+            motion[:, position_columns(six, joint)] = places(bvh, joint, world)
+        return replace(six, motion=motion)
+
+    return change
+
+
+def frozen_lead(bvh: Bvh) -> Bvh:
+    """Hold the first frame for a second."""
+    count = round(bvh.fps)
+    return _with_rows(bvh, np.concatenate([np.repeat(bvh.motion[:1], count, axis=0), bvh.motion]))
+
+
+def zeros_at_the_end(bvh: Bvh) -> Bvh:
+    """Add ten rows of zeros."""
+    return _with_rows(bvh, np.concatenate([bvh.motion, np.zeros((10, bvh.channel_count))]))
+
+
+def zeros_at_the_start(bvh: Bvh) -> Bvh:
+    """Begin with ten rows of zeros but for the root's place."""
+    lead = np.zeros((10, bvh.channel_count))
+    columns = position_columns(bvh, 0)
+    lead[:, columns] = bvh.motion[0, columns]
+    return _with_rows(bvh, np.concatenate([lead, bvh.motion]))
+
+
+def rows_more(count: int) -> Change:
+    """Declare other frames than there are."""
+    return lambda bvh: replace(bvh, declared_frames=bvh.frame_count - count)
+
+
+_CHANNELS = {
+    "displacements, all zero": lambda bvh, joint, world: np.zeros((len(world), 3)),
+    "displacements of a share of a bone": lambda bvh, joint, world: np.random.default_rng(joint).normal(
+        scale=0.003 * _leg(bvh), size=(len(world), 3)
+    ),
+    "offsets in another unit": lambda bvh, joint, world: np.repeat(0.01 * bvh.offsets[[joint]], len(world), axis=0),
+    "places in the world": lambda bvh, joint, world: world[:, joint],
+}
+FAULTS: dict[str, tuple[str, Change]] = {
+    "frame time in milliseconds": ("time_base", timed_in(lambda fps: 1e3 / fps)),
+    "frame time in microseconds": ("time_base", timed_in(lambda fps: 1e6 / fps)),
+    "frames per second for a frame time": ("time_base", timed_in(lambda fps: fps)),
+    "frame time a thousand times too short": ("time_base", timed_in(lambda fps: 1e-3 / fps)),
+    "frame rate 5 times too high": ("time_base", lambda bvh: rate_of(5.0 * bvh.fps)(bvh)),
+    "root in m, bones in cm": ("root_path", root_scaled(0.01)),
+    "root in mm, bones in cm": ("root_path", root_scaled(10.0)),
+    "root in inches, bones in m": ("root_path", root_scaled(39.37)),
+    "root with z up, bones with y up": ("root_path", root_exchanged),
+    "root as displacements of each frame": ("root_path", root_displacements),
+    "root steps": ("root_jumps", root_step),
+    "root at the origin for 6 frames": ("root_jumps", root_at_origin),
+    "6 rows of zeros": ("root_jumps", rows_of_zeros),
+    "root held for 5 frames": ("root_held", root_held),
+    "root does not travel": ("in_place", in_place),
+    "left-handed": ("handedness", left_handed),
+    "tilted by 12 degrees": ("tilt", tilted(12.0, 0.4)),
+    "tilted by 25 degrees": ("tilt", tilted(25.0, 2.0)),
+    "angles in radians": ("angles", angles_in(np.pi / 180.0)),
+    "angles in turns": ("angles", angles_in(1.0 / 360.0)),
+    "angles converted twice": ("angles", angles_in(180.0 / np.pi)),
+    "angles in the opposite sense": ("rotations", angles_in(-1.0)),
+    "rotations named in reverse order": ("rotations", named_in("YXZ")),
+    "rotations named in the order XYZ": ("rotations", named_in("XYZ")),
+    "root's positions and rotations exchanged": ("rotations", rotations_first),
+    **{f"positions are {name}": ("channels", positions_of_all(places)) for name, places in _CHANNELS.items()},
+    "a frozen second at the start": ("ends", frozen_lead),
+    "10 rows of zeros at the start": ("ends", zeros_at_the_start),
+    "10 rows of zeros at the end": ("ends", zeros_at_the_end),
+}
+"""The fault that is made, by its name: the kind that is to be found, and the change that makes it."""
+
+
+def clean_twins(clip: Clip, body: Body, unit: float = 0.01) -> Iterator[tuple[str, Bvh]]:
+    """Yield a clean clip as a file, and versions of it that are as clean: mirrored, scaled, rotated and re-timed."""
+    plain = from_clip(clip, unit_scale=unit)
+    yield "as it is", plain
+    yield "mirrored", from_clip(mirrored(clip, body), unit_scale=unit)
+    for factor in (0.75, 1.25):
+        roots = clip.root_positions * factor
+        moved = None if clip.translations is None else clip.translations * factor
+        scaled = replace(clip, skeleton=clip.skeleton.scaled(factor), root_positions=roots, translations=moved)
+        ends = replace(scaled.skeleton, end_offsets=clip.skeleton.end_offsets * factor)
+        yield f"{factor:g} times as large", from_clip(replace(scaled, skeleton=ends), unit_scale=unit)
+    yield "rotated by 120 degrees", rotated(plain, quaternion.about_y(np.deg2rad(120.0)))
+    half = np.sqrt(0.5)
+    yield "with z up", rotated(plain, np.array([half, half, 0.0, 0.0]))
+    for factor in (0.6, 1.5):
+        yield f"{factor:g} times as fast", replace(plain, fps=plain.fps * factor, frame_time=plain.frame_time / factor)
+    yield "every second frame", _with_rows(rate_of(plain.fps / 2.0)(plain), plain.motion[::2])
+
+
+def _leg(bvh: Bvh) -> float:
+    """Length of all bones along the longest chain, about that of a leg and a trunk, halved."""
+    depth = np.zeros(bvh.joint_count)
+    for joint, parent in enumerate(bvh.parents):
+        if parent >= 0:
+            depth[joint] = depth[parent] + np.linalg.norm(bvh.offsets[joint])
+    return 0.5 * float(depth.max())
+
+
+def _with_rows(bvh: Bvh, rows: Array) -> Bvh:
+    return replace(bvh, motion=np.ascontiguousarray(rows), declared_frames=len(rows))
+
+
+def _written(clip: Clip, like: Bvh) -> Bvh:
+    written = from_clip(clip, unit_scale=1.0)
+    return replace(written, fps=like.fps, frame_time=like.frame_time)

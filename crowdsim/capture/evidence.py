@@ -1,0 +1,268 @@
+"""How a body moves, in the terms in which faults of capture show: what stands, what slides, what bends which way.
+
+Lengths are those of a body of ``HEIGHT``, so that nothing depends on the unit of a file or the size of an actor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.motion import quaternion
+from crowdsim.motion.body import HEIGHT, Body
+from crowdsim.motion.kinematics import clip_kinematics
+from crowdsim.motion.skeleton import Clip
+from crowdsim.motion.tracks import Tracks, build_tracks
+
+_WINDOW, _WINDOWS = 2000, 10
+"""Frames that are looked at in a row, and how many such windows of a clip that is longer."""
+_SMOOTH, _STEP = 0.02, 0.1
+"""Widths of the smoothing of paths, and of what is looked at over the time of a step [s]."""
+_COUNTED = 0.94
+"""Share of frames that count, by the speed of the root."""
+SIDES = ("left", "right")
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A body in the frames of a clip, or in windows of consecutive frames of a long one. N frames.
+
+    Attributes:
+        fps: Frames a second.
+        roles: Joint of each role.
+        positions: Joint positions. Shape (N, J, 3).
+        tracks: Paths of the body's points [m].
+        size: Metres in the length unit of everything but ``tracks``.
+        frames: Number of each frame in the clip. Shape (N,).
+        toes: Direction of each foot in the world, heel to toe; None where the skeleton does not show it. (N, 2, 3).
+    """
+
+    fps: float
+    roles: Mapping[str, int]
+    positions: Array
+    tracks: Tracks
+    size: float
+    frames: Array
+    toes: Array | None
+
+    def at(self, role: str) -> Array:
+        """Path of the joint of a role. Shape (N, 3)."""
+        return np.asarray(self.positions[:, self.roles[role]])
+
+    @cached_property
+    def inside(self) -> Array:
+        """Frames that neighbours surround on both sides. Shape (N,), bool."""
+        steps = np.diff(self.frames) == 1
+        return np.asarray(np.concatenate([[False], steps]) & np.concatenate([steps, [False]]))
+
+    @cached_property
+    def ends(self) -> Array:
+        """Hands, feet and head relative to the pelvis. Shape (N, 5, 3)."""
+        joints = [self.roles[name] for name in ("left_hand", "right_hand", "left_foot", "right_foot", "head")]
+        return np.asarray(self.positions[:, joints] - self.at("pelvis")[:, None])
+
+    @cached_property
+    def extent(self) -> float:
+        """How far the limb that moves most gets about the pelvis, along one axis."""
+        return float(np.ptp(self.ends, axis=0).max())
+
+    @cached_property
+    def speeds(self) -> Array:
+        """Speed of the fastest of hands, feet and head against the pelvis, frame to frame [1/s]. Shape (n,)."""
+        steps = np.linalg.norm(np.diff(self.ends, axis=0), axis=-1).max(axis=1) * self.fps
+        return np.asarray(steps[np.diff(self.frames) == 1])
+
+    @cached_property
+    def soles(self) -> Array:
+        """Middle of each sole. Shape (N, 2, 3)."""
+        return self._smooth(0.5 * (self.tracks.heels + self.tracks.balls) / self.size)
+
+    @cached_property
+    def root(self) -> Array:
+        """Path of the pelvis. Shape (N, 3)."""
+        return self._smooth(self.at("pelvis"))
+
+    @cached_property
+    def lowest(self) -> Array:
+        """The lower foot of each frame. Shape (N,)."""
+        return np.asarray(self.soles[..., 1].argmin(axis=1))
+
+    @cached_property
+    def root_velocity(self) -> Array:
+        """Velocity of the pelvis. Shape (N, 3)."""
+        return self._velocity(self.root)
+
+    @cached_property
+    def push(self) -> Array:
+        """Velocity that the pelvis would have if the lower foot stood still. Shape (N, 3)."""
+        legs = self.root[:, None] - self.soles
+        velocities = np.stack([self._velocity(legs[:, side]) for side in range(2)], axis=1)
+        return np.asarray(velocities[np.arange(len(velocities)), self.lowest])
+
+    @cached_property
+    def bearing(self) -> Array:
+        """As ``push``, of the slower foot of those near the floor, over the time of a step. Shape (N, 3)."""
+        legs = self.root[:, None] - self.soles
+        velocities = np.stack([self._velocity(legs[:, side]) for side in range(2)], axis=1)
+        heights = self.soles[..., 1]
+        near = heights < heights.min(axis=1, keepdims=True) + 0.05
+        slower = np.where(near, np.linalg.norm(velocities, axis=-1), np.inf).argmin(axis=1)
+        return self._smooth(velocities[np.arange(len(slower)), slower], _STEP)
+
+    @cached_property
+    def travel(self) -> Array:
+        """Velocity of the pelvis over the time of a step. Shape (N, 3)."""
+        return self._smooth(self.root_velocity, _STEP)
+
+    @cached_property
+    def counted(self) -> Array:
+        """Frames in which the root does not jump, by its speed: all but the fastest. Shape (N,), bool."""
+        speeds = np.linalg.norm(self.travel, axis=1)
+        return np.asarray(self.inside & (speeds <= np.quantile(speeds, _COUNTED)))
+
+    @cached_property
+    def relation(self) -> float:
+        """Correlation of the root's velocity with that at which the feet that bear it stand still."""
+        return correlation(self.bearing[self.counted], self.travel[self.counted])
+
+    @cached_property
+    def accelerations(self) -> Array:
+        """Greatest acceleration of hands, feet and head against the pelvis [1/s^2]. Shape (n,)."""
+        path = self._smooth(self.ends, _SMOOTH, 4.0)
+        found = np.linalg.norm(np.diff(path, 2, axis=0), axis=-1).max(axis=1) * self.fps**2
+        return np.asarray(found[self.inside[1:-1]])
+
+    @cached_property
+    def slip(self) -> Array:
+        """Horizontal speed of the slower foot of those that are near the floor. Shape (N,)."""
+        velocities = np.stack([self._velocity(self.soles[:, side]) for side in range(2)], axis=1)
+        speeds = np.linalg.norm(velocities[..., [0, 2]], axis=-1)
+        heights = self.soles[..., 1]
+        near = heights < heights.min(axis=1, keepdims=True) + 0.06
+        return np.asarray(np.where(near, speeds, np.inf).min(axis=1))
+
+    @cached_property
+    def forward(self) -> Array:
+        """Where the body faces by which of its sides are left and right. Shape (N, 3), unit length."""
+        across = self.at("left_hip") - self.at("right_hip") + self.at("left_shoulder") - self.at("right_shoulder")
+        return unit(np.cross(across, self.at("neck") - self.at("pelvis")))
+
+    @cached_property
+    def toe_sense(self) -> float | None:
+        """How far toes point ahead, 1 wholly and -1 back; None where the skeleton does not show it."""
+        if self.toes is None:
+            return None
+        return float(np.median(np.sum(self.toes * self.forward[:, None], axis=-1)))
+
+    @cached_property
+    def knee_sense(self) -> float:
+        """How far knees lie before the lines from hips to ankles, in the median."""
+        ahead = []
+        for side in SIDES:
+            hip, knee, foot = (self.at(f"{side}_{role}") for role in ("hip", "knee", "foot"))
+            line = unit(hip - foot)
+            off = knee - foot
+            off = off - np.sum(off * line, axis=1, keepdims=True) * line
+            ahead.append(np.sum(off * self.forward, axis=1))
+        return float(np.median(ahead))
+
+    @cached_property
+    def unrest(self) -> float:
+        """How much what bears the body moves: the median slip, and the spread of the lowest sole as of a second."""
+        low = self.soles[..., 1].min(axis=1)
+        spread = float(np.quantile(low, 0.9) - np.quantile(low, 0.1))
+        return float(np.median(self.slip[self.inside])) + spread if self.inside.any() else spread
+
+    def _runs(self) -> list[slice]:
+        edges = np.flatnonzero(np.diff(self.frames) != 1) + 1
+        return [slice(a, b) for a, b in zip([0, *edges], [*edges, len(self.frames)], strict=True)]
+
+    def _smooth(self, path: Array, width: float = _SMOOTH, most: float = 60.0) -> Array:
+        """The path, smoothed by a width [s] of so many frames at the most."""
+        from scipy.ndimage import gaussian_filter1d
+
+        result = np.array(path, dtype=float)
+        for run in self._runs():
+            result[run] = gaussian_filter1d(result[run], min(width * self.fps, most), axis=0, mode="nearest")
+        return result
+
+    def _velocity(self, path: Array) -> Array:
+        result = np.zeros_like(path)
+        for run in self._runs():
+            if run.stop - run.start > 1:
+                result[run] = np.gradient(path[run], axis=0) * self.fps
+        return result
+
+
+def gather_evidence(clip: Clip, body: Body, lost: Array | None = None, whole: bool = False) -> Evidence:
+    """Follow a body through a clip, or through windows of one that is longer than those.
+
+    Args:
+        clip: The clip in metres, y up; at least two frames, all finite.
+        body: The body on its skeleton.
+        lost: Frames that do not count. Shape (F,), bool.
+        whole: Take all frames, however many there are.
+    """
+    frames = np.arange(clip.frame_count) if whole else _looked_at(clip.frame_count)
+    if lost is not None and not lost.all():
+        frames = frames[~lost[frames]]
+    moved = None if clip.translations is None else clip.translations[frames]
+    part = Clip(
+        clip.name, clip.skeleton, clip.fps, clip.root_positions[frames], clip.rotations[frames], moved, clip.source
+    )
+    positions, rotations = clip_kinematics(part)
+    size = body.height / HEIGHT
+    return Evidence(
+        fps=clip.fps,
+        roles=body.roles,
+        positions=positions / size,
+        tracks=build_tracks(body, positions, rotations),
+        size=size,
+        frames=frames,
+        toes=_toes(clip, body, positions, rotations),
+    )
+
+
+def _looked_at(count: int) -> Array:
+    """Frames of a clip of so many that are looked at."""
+    if count <= _WINDOW * _WINDOWS:
+        return np.arange(count)
+    starts = np.linspace(0, count - _WINDOW, _WINDOWS).astype(int)
+    return np.asarray((starts[:, None] + np.arange(_WINDOW)).ravel())
+
+
+def _toes(clip: Clip, body: Body, positions: Array, rotations: Array) -> Array | None:
+    """Directions of the feet by toe joints or end sites, without the part along the shank."""
+    found = []
+    for side in SIDES:
+        foot, knee = body.roles[f"{side}_foot"], body.roles[f"{side}_knee"]
+        toe = body.roles.get(f"{side}_toe")
+        ends = clip.skeleton.end_offsets[clip.skeleton.end_parents == foot]
+        if toe is not None:
+            way = positions[:, toe] - positions[:, foot]
+        elif len(ends):
+            longest = ends[int(np.argmax(np.linalg.norm(ends, axis=1)))]
+            way = quaternion.rotate(rotations[:, foot], longest)
+        else:
+            return None
+        shank = unit(positions[:, foot] - positions[:, knee])
+        level = way - np.sum(way * shank, axis=1, keepdims=True) * shank
+        if np.median(np.linalg.norm(level, axis=1)) < 0.02 * body.height:
+            return None
+        found.append(unit(level))
+    return np.stack(found, axis=1)
+
+
+def correlation(a: Array, b: Array) -> float:
+    """Return the correlation of vectors (N, k) about 0; 0 where all are 0."""
+    scale = float(np.sqrt(np.sum(a**2) * np.sum(b**2)))
+    return float(np.sum(a * b)) / scale if scale > 1e-12 else 0.0
+
+
+def unit(vectors: Array) -> Array:
+    """Return vectors (..., 3) of unit length."""
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12))

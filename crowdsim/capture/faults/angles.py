@@ -1,0 +1,75 @@
+"""Angles in another unit than degrees."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from crowdsim.capture.columns import rotation_columns, with_motion
+from crowdsim.capture.evidence import Evidence
+from crowdsim.capture.faults.diagnosis import Diagnosis
+from crowdsim.capture.reading import Reading
+
+_UNITS = {
+    "radians": (180.0 / np.pi, 4.0 * np.pi),
+    "shares of a turn": (360.0, 2.0),
+    "half turns": (180.0, 4.0),
+    "degrees that were converted from radians twice": (np.pi / 180.0, np.inf),
+}
+"""Degrees in each unit, and the greatest angle that it has in a file."""
+_TWICE = 2500.0
+"""Angles beyond this [deg] are no degrees, however often a body turns round."""
+_FROZEN = 0.25
+"""A body of ``HEIGHT`` whose limbs stay within so much is frozen in its rest pose [m]."""
+_PLAINLY, _BETTER = 2.5, 1.25
+"""How much less what bears a body moves when angles are read right: beyond doubt, and at the least ..."""
+_RESTLESS = 0.08
+"""... if it moves more than this, as the feet of nobody do who keeps still [m/s]."""
+_FASTEST = 16.0
+
+
+class Angles:
+    """Rotation channels in radians, in turns, or in degrees that were converted from radians twice."""
+
+    name = "angles"
+
+    def examine(self, reading: Reading) -> Diagnosis | None:
+        """Read angles in each unit that their size allows, and take the one in which the body stands on its feet."""
+        columns = rotation_columns(reading.bvh)
+        angles = np.abs(reading.bvh.motion[:, columns])
+        if not angles.size or not np.isfinite(angles).all():
+            return None
+        most = float(np.quantile(angles.max(axis=1), 0.99))
+        before = reading.evidence
+        if most < 1e-3 or before is None or not (most > _TWICE or (most < 4.0 * np.pi and before.extent < _FROZEN)):
+            return None
+        found = []
+        for unit, (factor, limit) in _UNITS.items():
+            if (factor < 1.0) == (most > _TWICE) and most <= limit:
+                motion = reading.bvh.motion.copy()
+                motion[:, columns] *= factor
+                read = replace(reading, bvh=with_motion(reading.bvh, motion))
+                evidence = read.evidence
+                if evidence is not None and _plausible(evidence):
+                    found.append((evidence.unrest, unit, read))
+        if not found:
+            return None
+        unrest, unit, read = min(found, key=lambda one: one[0])
+        plainly = unrest * _PLAINLY < before.unrest or most > _TWICE
+        if not plainly and (before.unrest < _RESTLESS or unrest * _BETTER > before.unrest):
+            return None
+        confidence = 0.98 if plainly else 0.92
+        what = f"angles are {unit}: as degrees, of {most:.3g} at the most, " + (
+            "joints spin" if most > _TWICE else "the body stays in its rest pose while it travels"
+        )
+        return Diagnosis(self.name, what, confidence, "repair", "they are read so", lambda: read)
+
+
+def _plausible(evidence: Evidence) -> bool:
+    return (
+        len(evidence.speeds) > 0
+        and float(np.quantile(evidence.speeds, 0.95)) < _FASTEST
+        and evidence.extent > _FROZEN
+        and evidence.knee_sense > 0.0
+    )

@@ -1,0 +1,56 @@
+"""What a kind of fault is, and what is said about one that is found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from crowdsim.capture.reading import Reading
+
+Action = Literal["repair", "leave_out", "refuse"]
+"""What is done about a fault: its repair; frames are left out; or the file is not trained on."""
+Choice = Literal["repair", "keep", "refuse"]
+"""What a user may ask for: the repair, sure or not; the motion as it is in the file; or no training on it."""
+
+SURE = 0.9
+"""Confidence from which on a repair is made without being asked for."""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A fault that was found in a file.
+
+    Attributes:
+        fault: Its kind, the name of the ``Fault``.
+        what: What is wrong, with frames and figures.
+        confidence: How sure that is, 0 to 1.
+        action: What is done about it unless a user asks for something else.
+        remedy: What the repair does, after "it is" or "they are"; empty where there is none.
+        repair: Returns the repaired reading; None where there is no repair.
+        needed: Whether the motion cannot be read at all without the repair, whatever a user asks for.
+    """
+
+    fault: str
+    what: str
+    confidence: float
+    action: Action
+    remedy: str = ""
+    repair: Callable[[], Reading] | None = None
+    needed: bool = False
+
+
+class Fault(Protocol):
+    """A kind of fault."""
+
+    @property
+    def name(self) -> str:
+        """What it is called in findings and recipes."""
+
+    def examine(self, reading: Reading) -> Diagnosis | None:
+        """Return what is wrong with a reading; None where nothing of this kind is."""
+
+
+def by_confidence(confidence: float) -> Action:
+    """Return the action for a fault whose repair restores the motion: it is made where the fault is sure."""
+    return "repair" if confidence >= SURE else "refuse"

@@ -1,0 +1,131 @@
+"""A root whose path is in other units, other axes, or another meaning than the body's."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from crowdsim.capture.evidence import Evidence, correlation
+from crowdsim.capture.faults.diagnosis import Diagnosis, by_confidence
+from crowdsim.capture.reading import Reading
+from crowdsim.core.types import Array
+
+_FACTORS = (10.0, 100.0, 1000.0, 2.54, 25.4, 39.37, 3.281, 12.0)
+"""How many of one unit make another, among those in which motion is written."""
+_TOLERANCE = 1.9
+"""By which factor the measured ratio of units may differ from a known one."""
+_BIASED = 0.75
+"""What the ratio comes out as where units agree: soles of capture slide."""
+_RELATED = 0.55
+"""Correlation of the root's velocity with that of the feet against it from which on one measures the other."""
+_FAR, _HARDLY = 8.0, 0.4
+"""A ratio of units, up or down, that is plain, and the correlation that suffices for one."""
+_UNRELATED = 0.3
+"""Correlation below which the root's path is not that of the body."""
+_APART = 4.5
+"""Ratio of units, up or down, from which on they are not the same."""
+_SHORT = 0.3
+"""Greatest displacement in a frame [m]."""
+_BETTER = 1.5
+
+
+class RootPath:
+    """A root in another unit than the bones, with axes exchanged, or as displacements from frame to frame."""
+
+    name = "root_path"
+
+    def examine(self, reading: Reading) -> Diagnosis | None:
+        """Hold the velocity of the root against the one at which the feet that bear the body would stand still."""
+        evidence = reading.evidence
+        if evidence is None or np.count_nonzero(evidence.inside) < 20:
+            return None
+        counted, relation = evidence.counted, evidence.relation
+        push, velocity = evidence.bearing[counted], evidence.travel[counted]
+        if np.linalg.norm(push, axis=1).mean() < 0.02:
+            return None
+        ratio = float(np.sum(push * velocity) / max(np.sum(velocity**2), 1e-12)) / _BIASED
+        if relation > (_RELATED if 1.0 / _FAR < ratio < _FAR else _HARDLY):
+            return _of_units(reading, ratio, relation)
+        return _of_displacements(reading, evidence, counted, relation) or _of_axes(reading, evidence, push, velocity)
+
+
+def _of_units(reading: Reading, ratio: float, relation: float) -> Diagnosis | None:
+    if 1.0 / _APART < ratio < _APART:
+        return None
+    amount = f"{ratio:.3g} times too little" if ratio > 1.0 else f"{1.0 / ratio:.3g} times too far"
+    what = f"the root travels {amount} for the feet"
+    known = [factor**sign for factor in _FACTORS for sign in (1, -1)]
+    factor = min(known, key=lambda one: abs(np.log(ratio / one)))
+    if max(ratio / factor, factor / ratio) > _TOLERANCE:
+        return Diagnosis("root_path", what, 0.9, "refuse")
+    confidence = 0.97 if relation > 0.7 else 0.92
+    return Diagnosis(
+        "root_path",
+        f"{what}: its positions are in another unit than the bones",
+        confidence,
+        by_confidence(confidence),
+        f"they are multiplied by {factor:.4g}",
+        lambda: reading.with_path(reading.path * factor),
+    )
+
+
+def _of_displacements(reading: Reading, evidence: Evidence, counted: Array, relation: float) -> Diagnosis | None:
+    """Positions that are those of the frame before subtracted from the frame's own."""
+    size = np.abs(evidence.root[counted]).max(axis=0)
+    axes = np.flatnonzero(size < _SHORT)
+    if relation > _UNRELATED or 0 not in axes or 2 not in axes:
+        return None
+    push, values = evidence.push[counted][:, axes], evidence.root[counted][:, axes]
+    rate = float(np.sum(push * values) / max(np.sum(values**2), 1e-12))
+    # A root that stays at one place has no course of its own.
+    related = correlation(push, values), correlation(push - push.mean(axis=0), values - values.mean(axis=0))
+    if related[0] < _RELATED or related[1] < _UNRELATED or not 0.4 < rate / evidence.fps < 2.5:
+        return None
+
+    def repair() -> Reading:
+        path = reading.path @ reading.to_world.T
+        path[:, axes] = np.cumsum(path[:, axes], axis=0)
+        return reading.with_path(path @ reading.to_world)
+
+    return Diagnosis(
+        "root_path",
+        "positions of the root are displacements from frame to frame",
+        0.95,
+        "repair",
+        "they are added up",
+        repair,
+    )
+
+
+def _of_axes(reading: Reading, evidence: Evidence, push: Array, velocity: Array) -> Diagnosis | None:
+    """Axes of the root's path that are exchanged or have another sense than the body's."""
+    if float(np.median(np.linalg.norm(velocity, axis=1))) < 0.02:
+        return None
+    found = []
+    for order in itertools.permutations(range(3)):
+        for signs in itertools.product((1.0, -1.0), repeat=3):
+            turned = velocity[:, order] * np.array(signs)
+            found.append((correlation(push, turned), order, signs))
+    relation, order, signs = max(found)
+    if relation < 0.75 or correlation(push, velocity) > _UNRELATED:
+        return None
+
+    def repair() -> Reading:
+        # Exchanged in the world, and written back in the axes of the file.
+        path = reading.path @ reading.to_world.T
+        path = path[:, order] * np.array(signs)
+        return reading.with_path(path @ reading.to_world)
+
+    better = repair().evidence
+    if better is None or better.unrest * _BETTER > evidence.unrest:
+        return None
+    names = ", ".join(f"{'-' if sign < 0 else ''}{'xyz'[axis]}" for axis, sign in zip(order, signs, strict=True))
+    return Diagnosis(
+        "root_path",
+        f"the root does not go where the feet push it: its path has other axes than the body ({names} for x, y, z)",
+        0.93,
+        "repair",
+        "they are exchanged",
+        repair,
+    )

@@ -1,0 +1,123 @@
+"""A floor that is not level: capture in the axes of a camera, or of a frame that was not aligned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from crowdsim.capture.evidence import Evidence
+from crowdsim.capture.faults.diagnosis import Diagnosis, by_confidence
+from crowdsim.capture.reading import Reading
+from crowdsim.core.types import Array
+from crowdsim.motion import quaternion
+
+_LEAST = np.deg2rad(7.0)
+"""Tilt from which on it is one of the file and not of the way a body stands."""
+_SLOW, _LOW = 0.3, 0.25
+"""Soles that are planted: speed [m/s], and height over the lowest sole of a frame in a world that may be tilted [m]."""
+_WIDE = 0.1
+"""Spread of planted soles along a direction from which on they show how the floor lies along it [m]."""
+_TRAVELS = 0.4
+"""Spread of planted soles along a direction in which a body goes [m]."""
+_CLEARLY, _BENT = np.deg2rad(5.0), np.deg2rad(10.0)
+"""Tilt from which on a floor is not level, and how far bodies lean on a level floor."""
+_AGREE = 0.5
+"""Share of a tilt by which floor and balance may differ."""
+_LEANS = np.deg2rad(9.0)
+"""How far, at the least, a body that travels leans to its side in a tilted world."""
+_UP = np.array([0.0, 1.0, 0.0])
+
+
+class Tilt:
+    """A body that leans as its floor does."""
+
+    name = "tilt"
+
+    def examine(self, reading: Reading) -> Diagnosis | None:
+        """Fit a plane to planted soles, and see whether bodies stand square on it."""
+        evidence = reading.evidence
+        if evidence is None:
+            return None
+        floor = _floor(evidence)
+        if floor is None:
+            return None
+        # Along directions in which soles lie close together only the balance of the body shows the tilt.
+        leans = _lean(evidence) @ floor.directions
+        tilts = np.where(floor.wide, floor.tilts, leans)
+        size = float(np.linalg.norm(tilts))
+        apart = float(np.linalg.norm(tilts - leans))
+        if size < np.tan(_LEAST) or apart > max(_AGREE * size, np.tan(_BENT)) or apart > float(np.linalg.norm(leans)):
+            return None
+        by_floor = bool((floor.wide & (np.abs(floor.tilts) > np.tan(_CLEARLY))).any())
+        if by_floor and floor.rest > 0.6 * floor.spread:
+            return None
+        if not by_floor and (size < np.tan(_LEANS) or not floor.travels):
+            return None
+        confidence = 0.95 if by_floor else 0.91
+        normal = np.array([0.0, 1.0, 0.0])
+        normal[[0, 2]] = floor.directions @ tilts
+        normal /= np.linalg.norm(normal)
+        seen = "the floor is tilted by {:.0f} degrees, and the body leans as it does"
+        if not by_floor:
+            seen = "the body leans sideways by {:.0f} degrees all the time and does not fall: its world is tilted"
+        return Diagnosis(
+            self.name,
+            seen.format(np.rad2deg(np.arctan(size))),
+            confidence,
+            by_confidence(confidence),
+            "it is put upright",
+            lambda: replace(reading, tilt=quaternion.between(normal, _UP)),
+        )
+
+
+@dataclass(frozen=True)
+class _Floor:
+    """The plane through planted soles.
+
+    Attributes:
+        directions: Two horizontal directions, columns. Shape (2, 2).
+        wide: Whether soles are spread along each.
+        tilts: Tangents of the angles by which its normal leans along each. Shape (2,).
+        spread: Spread of soles in height.
+        rest: Spread of soles about the plane.
+        travels: Whether the body goes somewhere.
+    """
+
+    directions: Array
+    wide: Array
+    tilts: Array
+    spread: float
+    rest: float
+    travels: bool
+
+
+def _floor(evidence: Evidence) -> _Floor | None:
+    """The plane through planted soles; None where there are few, or all are in one place."""
+    points = np.concatenate([evidence.tracks.heels, evidence.tracks.balls], axis=1) / evidence.size
+    speeds = np.full(points.shape[:2], np.inf)
+    speeds[1:-1] = np.linalg.norm(points[2:] - points[:-2], axis=-1) * 0.5 * evidence.fps
+    speeds[~evidence.inside] = np.inf
+    low = points[..., 1] < points[..., 1].min(axis=1, keepdims=True) + _LOW
+    planted = points[(speeds < _SLOW) & low]
+    if len(planted) < 50:
+        return None
+    planted = planted - planted.mean(axis=0)
+    level = planted[:, [0, 2]]
+    values, directions = np.linalg.eigh(level.T @ level / len(level))
+    spreads = np.sqrt(np.maximum(values, 0.0))
+    wide = spreads > _WIDE
+    if not wide.any():
+        return None
+    along = level @ directions
+    slopes = np.where(wide, along.T @ planted[:, 1] / np.maximum(np.sum(along**2, axis=0), 1e-12), 0.0)
+    rest = planted[:, 1] - along @ slopes
+    travels = bool(spreads.max() > _TRAVELS)
+    return _Floor(directions, wide, -slopes, float(planted[:, 1].std()), float(rest.std()), travels)
+
+
+def _lean(evidence: Evidence) -> Array:
+    """How far, along x and z, the middle of the trunk lies from between the feet in the mean, by its height."""
+    trunk = 0.5 * (evidence.at("pelvis") + evidence.at("chest"))
+    mean = np.mean(trunk - evidence.soles.mean(axis=1), axis=0)
+    return np.asarray(mean[[0, 2]] / max(float(mean[1]), 1e-6))

@@ -1,0 +1,98 @@
+"""A frame time in another unit than seconds, or of another clock than the motion's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from crowdsim.bvh.file import COMMON_RATES, snap_rate
+from crowdsim.capture.evidence import Evidence
+from crowdsim.capture.faults.diagnosis import Diagnosis
+from crowdsim.capture.reading import Reading
+
+_RATES = (10.0, 1000.0)
+"""Rates at which motion is captured or exported [1/s]."""
+_FASTEST = 18.0
+"""Speed against the pelvis that hands, feet and head of a body of ``HEIGHT`` keep below in 95 of 100 frames [m/s]."""
+_HARDEST = 380.0
+"""Likewise of their acceleration [m/s^2]."""
+_SLOWEST = 0.12
+"""How often a second, at the least, the fastest limb could cover all the room it uses."""
+_READINGS = {
+    "milliseconds": lambda value: 1000.0 / value,
+    "microseconds": lambda value: 1e6 / value,
+    "frames per second": lambda value: value,
+    "thousands of seconds": lambda value: 1e-3 / value,
+    "frames per millisecond": lambda value: 1e3 * value,
+}
+"""Frames a second by what a number after ``Frame Time:`` may be."""
+FALLBACK = 30.0
+"""Rate at which motion is read whose own is impossible and unknown [1/s]."""
+_MOST_SECONDS = 100_000.0
+"""Longest clip [s]."""
+
+
+class TimeBase:
+    """Motion that is a thousand times too fast or too slow, or as many times as its clock is wrong."""
+
+    name = "time_base"
+
+    def examine(self, reading: Reading) -> Diagnosis | None:
+        """Hold the speeds of limbs against those of bodies, at the rate that is written and at others."""
+        bvh, evidence = reading.bvh, reading.evidence
+        if bvh.frame_count < 2 or bvh.frame_time <= 0.0:
+            return None
+        written = bvh.fps
+        if _fits(written, evidence) and bvh.frame_count / written < _MOST_SECONDS:
+            return None
+        found = {}
+        for unit, rate in _READINGS.items():
+            fps = rate(bvh.frame_time)
+            if np.isfinite(fps) and _fits(fps, evidence) and _speed(fps, evidence) > 0.3:
+                found[unit] = snap_rate(f"{1.0 / fps:.6f}", 1.0 / fps)
+        usual = {unit: fps for unit, fps in found.items() if fps in COMMON_RATES}
+        found = usual or found
+        what = f"frame time {bvh.frame_time:g} means {written:.6g} frames a second"
+        if evidence is not None and len(evidence.speeds):
+            what += f", at which limbs move at {_speed(written, evidence):.3g} m/s"
+        if len(found) == 1:
+            unit, fps = next(iter(found.items()))
+            return Diagnosis(
+                self.name,
+                f"{what}; as {unit} it means {fps:g}, at which they move at {_speed(fps, evidence):.3g} m/s",
+                0.97 if evidence is not None else 0.6,
+                "repair" if evidence is not None else "refuse",
+                f"it is read as {fps:g} frames a second",
+                lambda: replace(reading, bvh=replace(bvh, fps=fps)),
+            )
+        outside = not _RATES[0] <= written <= _RATES[1]
+        return Diagnosis(
+            self.name,
+            f"{what}; no other reading of that number makes a body's motion of it"
+            if not found
+            else f"{what}; {' and '.join(found)} are as likely",
+            0.95,
+            "refuse",
+            f"it is read at {FALLBACK:g} frames a second" if outside else "",
+            (lambda: replace(reading, bvh=replace(bvh, fps=FALLBACK))) if outside else None,
+            needed=outside,
+        )
+
+
+def _speed(fps: float, evidence: Evidence | None) -> float:
+    """The 95th percentile of the speeds of limbs if the rate were another one [m/s]; 1 where nothing is known."""
+    if evidence is None or not len(evidence.speeds):
+        return 1.0
+    return float(np.quantile(evidence.speeds, 0.95)) * fps / evidence.fps
+
+
+def _fits(fps: float, evidence: Evidence | None) -> bool:
+    """Whether a rate is one of capture at which limbs move like a body's."""
+    if not _RATES[0] <= fps <= _RATES[1]:
+        return False
+    if evidence is None or evidence.extent < 0.1 or len(evidence.accelerations) < 10:
+        return True
+    highest = float(np.quantile(evidence.speeds, 0.99)) * fps / evidence.fps
+    hardest = float(np.quantile(evidence.accelerations, 0.95)) * (fps / evidence.fps) ** 2
+    return _speed(fps, evidence) < _FASTEST and hardest < _HARDEST and highest > _SLOWEST * evidence.extent

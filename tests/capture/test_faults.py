@@ -1,0 +1,220 @@
+"""Faults of capture are found, named and repaired, and none is seen in the clean twin of a faulty file."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conventions import CONVENTIONS
+from exporters import Export, export_motion
+
+from crowdsim.bvh.io import Bvh, from_clip, write_bvh
+from crowdsim.capture.faults import FAULTS
+from crowdsim.capture.loading import load_capture, usable_clips
+from crowdsim.capture.report import describe_capture
+from crowdsim.errors import MotionError
+from crowdsim.motion.measuring import measure_body
+from crowdsim.motion.roles import find_roles
+from crowdsim.performer.session import perform
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def made():
+    """The module that makes faults."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(ROOT / "benchmarks"))
+        return importlib.import_module("_capture_faults")
+
+
+@pytest.fixture(scope="module")
+def judge(made):
+    """The benchmark that counts them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(ROOT / "benchmarks"))
+        return importlib.import_module("capture")
+
+
+@pytest.fixture(scope="module")
+def boxer():
+    """A clip in which the boxer travels, without its calibration pose."""
+    return perform(20.0, 1)[0].clip.sliced(60, 720)
+
+
+def written(folder: Path, bvh: Bvh, **how):
+    path = folder / "clip.bvh"
+    write_bvh(path, bvh)
+    if not np.isclose(bvh.frame_time * bvh.fps, 1.0):
+        pytest.fail("frame time and rate of the test's file differ")
+    return load_capture(path, **how)
+
+
+def made_with(made, clip, fault: str) -> Bvh:
+    return made.FAULTS[fault][1](from_clip(clip))
+
+
+NAMES = (
+    "frame time in milliseconds", "frame time in microseconds", "frames per second for a frame time",
+    "frame time a thousand times too short", "root in m, bones in cm", "root in mm, bones in cm",
+    "root in inches, bones in m", "root with z up, bones with y up", "root as displacements of each frame",
+    "root steps", "root at the origin for 6 frames", "6 rows of zeros", "root held for 5 frames", "left-handed",
+    "tilted by 12 degrees", "tilted by 25 degrees", "angles in radians", "angles in turns", "angles converted twice",
+    "angles in the opposite sense", "rotations named in reverse order", "rotations named in the order XYZ",
+    "root's positions and rotations exchanged", "positions are displacements, all zero",
+    "positions are displacements of a share of a bone", "positions are offsets in another unit",
+    "positions are places in the world", "a frozen second at the start", "10 rows of zeros at the end",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", NAMES)
+def test_a_fault_is_named_and_repaired_so_that_the_motion_is_that_of_the_clean_clip(
+    made, judge, boxer, tmp_path, fault
+):
+    true = written(tmp_path, from_clip(boxer))
+    capture = written(tmp_path, made_with(made, boxer, fault))
+    assert [outcome.diagnosis.fault for outcome in capture.diagnoses] == [made.FAULTS[fault][0]]
+    assert capture.diagnoses[0].done in ("repaired", "left_out")
+    assert capture.diagnoses[0].words in capture.findings
+    assert capture.faults == ()
+    assert judge.is_restored(true, capture)
+
+
+def test_every_clean_version_of_a_clean_clip_is_without_findings(made, boxer, tmp_path):
+    versions = dict(made.clean_twins(boxer, measure_body(boxer)))
+    assert len(versions) == 9
+    for name, bvh in versions.items():
+        assert written(tmp_path, bvh).findings == (), name
+
+
+@pytest.mark.parametrize("how", CONVENTIONS, ids=lambda how: how.name)
+def test_no_convention_of_an_exporter_is_a_fault(boxer, tmp_path, how):
+    bvh = export_motion(boxer.sliced(0, 240), find_roles(boxer.skeleton), how, Export())
+    assert written(tmp_path, bvh).findings == ()
+
+
+def test_a_repair_that_restores_what_was_there_leaves_a_clean_clip_to_the_last_digit(boxer, tmp_path):
+    capture = written(tmp_path, from_clip(boxer))
+    again = written(tmp_path, from_clip(boxer), faults=dict.fromkeys((fault.name for fault in FAULTS), "repair"))
+    assert capture.diagnoses == again.diagnoses == ()
+    np.testing.assert_array_equal(capture.clip.root_positions, again.clip.root_positions)
+    np.testing.assert_array_equal(capture.clip.rotations, again.clip.rotations)
+
+
+def test_someone_who_keeps_still_in_a_t_pose_has_no_angles_in_radians(boxer, tmp_path):
+    frames = np.arange(300)
+    still = boxer.sliced(0, 300)
+    rotations = np.zeros_like(still.rotations)
+    sway = np.deg2rad(1.5) * np.sin(frames / 40.0)
+    rotations[..., 0] = 1.0
+    spine = find_roles(boxer.skeleton)["spine"]
+    rotations[:, spine, 0], rotations[:, spine, 1] = np.cos(sway / 2.0), np.sin(sway / 2.0)
+    roots = np.repeat(still.root_positions[:1], 300, axis=0) + 0.002 * np.sin(frames / 30.0)[:, None]
+    capture = written(tmp_path, from_clip(replace(still, rotations=rotations, root_positions=roots)))
+    assert capture.findings == ()
+
+
+def test_a_body_in_place_is_not_trained_on_unless_asked_for(made, boxer, tmp_path):
+    capture = written(tmp_path, made_with(made, boxer, "root does not travel"))
+    assert [(outcome.diagnosis.fault, outcome.done) for outcome in capture.diagnoses] == [("in_place", "refused")]
+    with pytest.raises(MotionError, match="in_place: the body moves in place"):
+        usable_clips(capture)
+    with pytest.raises(MotionError):
+        usable_clips(capture, strict=False)
+    kept = load_capture(tmp_path / "clip.bvh", faults={"in_place": "keep"})
+    assert usable_clips(kept)[0].clip is kept.clip
+    assert kept.findings[0].endswith("kept as it is, as asked")
+    repaired = load_capture(tmp_path / "clip.bvh", faults={"in_place": "repair"})
+    assert usable_clips(repaired)
+    travelled = [np.ptp(capture.clip.root_positions[:, [0, 2]], axis=0).max() for capture in (kept, repaired)]
+    assert travelled[0] < 0.01
+    assert travelled[1] > 0.5
+
+
+def test_a_fault_that_could_be_repaired_is_refused_or_kept_where_asked_for(made, boxer, tmp_path):
+    bvh = made_with(made, boxer, "left-handed")
+    refused = written(tmp_path, bvh, faults={"handedness": "refuse"})
+    assert refused.faults == refused.findings
+    assert refused.faults[0].startswith("handedness: coordinates are left-handed: toes and knees point backward")
+    kept = written(tmp_path, bvh, faults={"handedness": "keep"})
+    assert kept.faults == ()
+    assert kept.diagnoses[0].done == "kept"
+    repaired = written(tmp_path, bvh)
+    names = repaired.clip.skeleton.names
+    left = names.index("LeftFoot")
+    assert np.sign(kept.clip.skeleton.rest_positions()[left, 0]) != np.sign(
+        repaired.clip.skeleton.rest_positions()[left, 0]
+    )
+
+
+def test_unknown_kinds_of_faults_are_refused(boxer, tmp_path):
+    bvh = from_clip(boxer)
+    with pytest.raises(MotionError, match=r"fault 'handednes' is unknown \(did you mean 'handedness'\?\)"):
+        written(tmp_path, bvh, faults={"handednes": "keep"})
+    with pytest.raises(MotionError, match="fault 'tilt': 'mend' is unknown, expected repair, keep, refuse"):
+        written(tmp_path, bvh, faults={"tilt": "mend"})
+    with pytest.raises(MotionError, match="fault 'tilt': 30"):
+        written(tmp_path, bvh, faults={"tilt": 30.0})
+    with pytest.raises(MotionError, match="or 1 to 2000 frames a second"):
+        written(tmp_path, bvh, faults={"time_base": 0.1})
+
+
+def test_frames_are_named_left_out_and_part_the_clip(made, boxer, tmp_path):
+    capture = written(tmp_path, made_with(made, boxer, "root at the origin for 6 frames"))
+    middle = boxer.frame_count // 2
+    assert f"in frames {middle} to {middle + 5} " in capture.findings[0]
+    assert capture.spans == ((0, middle), (middle + 6, boxer.frame_count))
+    clips = usable_clips(capture)
+    assert [clip.clip.frame_count for clip in clips] == [middle, boxer.frame_count - middle - 6]
+    assert describe_capture(capture)["lost_frames"] == 6
+    # Poses between those around them bridge what is lost, so that pictures and analysis do not jump.
+    steps = np.linalg.norm(np.diff(capture.clip.root_positions, axis=0), axis=1)
+    assert steps.max() < 0.1
+
+
+def test_a_jump_to_another_pose_parts_the_clip(boxer, tmp_path):
+    frames = np.r_[0:300, 500:660]
+    jumping = replace(boxer, root_positions=boxer.root_positions[frames], rotations=boxer.rotations[frames])
+    jumping.root_positions[300:, 0] += 2.0
+    capture = written(tmp_path, from_clip(jumping))
+    assert "jumps to another pose" in capture.findings[0]
+    assert capture.spans == ((0, 300), (300, 460))
+
+
+@pytest.mark.parametrize("frame_time", [1e8, 8333.0, 1e-8])
+def test_no_frame_time_makes_more_frames_than_a_file_has(boxer, tmp_path, frame_time):
+    capture = written(tmp_path, replace(from_clip(boxer), fps=1.0 / frame_time, frame_time=frame_time))
+    assert [outcome.diagnosis.fault for outcome in capture.diagnoses] == ["time_base"]
+    assert 1.0 <= capture.clip.fps <= 2000.0
+    assert capture.analysis.clip.frame_count < 100_000
+
+
+def test_the_rate_of_a_file_may_be_given(boxer, tmp_path):
+    bvh = replace(from_clip(boxer), fps=0.5, frame_time=2.0)
+    capture = written(tmp_path, bvh)
+    assert capture.diagnoses[0].refused
+    given = load_capture(tmp_path / "clip.bvh", faults={"time_base": 60})
+    assert given.clip.fps == 60.0
+    assert given.findings[-1] == "time_base: it is read at 60 frames a second, as asked"
+    assert usable_clips(given)
+    assert describe_capture(given)["seconds"] == pytest.approx(boxer.seconds)
+
+
+def test_what_is_found_is_plain_data_with_how_sure_it_is(made, boxer, tmp_path):
+    capture = written(tmp_path, made_with(made, boxer, "root in m, bones in cm"))
+    (fault,) = describe_capture(capture)["faults"]
+    assert list(fault) == ["fault", "what", "confidence", "done", "remedy"]
+    assert fault["fault"] == "root_path"
+    assert 0.9 <= fault["confidence"] < 1.0
+    assert (fault["done"], fault["remedy"]) == ("repaired", "they are multiplied by 100")
+
+
+@pytest.mark.mocap
+def test_real_capture_is_free_of_false_alarms(mocap):
+    found = {path.name: load_capture(path).diagnoses for path in sorted(mocap.rglob("*.bvh"))}
+    assert {name: [one.diagnosis.fault for one in faults] for name, faults in found.items() if faults} == {
+        "cmu_13_18_boxing.bvh": ["elbows"]
+    }
