@@ -30,7 +30,7 @@ _LAZY = {
     "ScenarioError": "crowdsim.errors",
     "TakeError": "crowdsim.errors",
     "PoseSampler": "crowdsim.take.poses",
-    "export_bvh": "crowdsim.export.bvh",
+    "export_bvh": "crowdsim.outputs.bvh",
     "export_clouds": "crowdsim.export.pointcloud",
     "load_policies": "crowdsim.preparation.prepare",
     "load_policy": "crowdsim.policy.bundle",
