@@ -29,10 +29,10 @@ import orjson
 from numpy.typing import NDArray
 
 from crowdsim.bvh.clip import channel_motion, clip_channels
-from crowdsim.export.bvh import export_bvh
 from crowdsim.export.pointcloud import CloudSink, export_clouds
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import build_body
+from crowdsim.outputs.bvh import export_bvh
 from crowdsim.performer.session import perform
 from crowdsim.poses.builds import joint_segments
 from crowdsim.poses.sampler import Poses

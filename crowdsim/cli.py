@@ -17,13 +17,14 @@ from crowdsim import __version__
 from crowdsim.commands.batching import batch
 from crowdsim.commands.checking import schema, status, validate, verify
 from crowdsim.commands.common import talk, with_talk
+from crowdsim.commands.exporting import export, with_outputs
 from crowdsim.commands.inspecting import inspect
 from crowdsim.commands.motion import perform
 from crowdsim.commands.packing import pack
 from crowdsim.commands.process import describe_failure, leave_in_time, shown
 from crowdsim.commands.profiling import profile
 from crowdsim.commands.rendering import render
-from crowdsim.commands.running import export, run
+from crowdsim.commands.running import run
 from crowdsim.commands.training import train
 from crowdsim.errors import CrowdsimError
 
@@ -45,6 +46,18 @@ class Verb(TyperCommand):
         return [re.sub(r"[{}]", "", piece) for piece in super().collect_usage_pieces(ctx)]
 
 
+class ExportVerb(Verb):
+    """The command ``export``, whose options are made when it is called."""
+
+    def make_context(self, *values: Any, **named: Any) -> Any:
+        """Return the context of a call."""
+        whole = typer.Typer(add_completion=False)
+        whole.command(cls=Verb)(with_talk(with_outputs(export)))
+        made = typer.main.get_command(whole)
+        self.params, self.callback = made.params, made.callback
+        return super().make_context(*values, **named)
+
+
 app = typer.Typer(
     name="crowdsim",
     help="Data-driven fight crowds: motion capture in, a trained crowd out.",
@@ -55,7 +68,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 120},
 )
 for _command in (perform, inspect, train, run, batch, export, render, profile, validate, schema, verify, status, pack):
-    app.command(cls=Verb, epilog=EXIT_CODES)(with_talk(_command))
+    app.command(cls=ExportVerb if _command is export else Verb, epilog=EXIT_CODES)(with_talk(_command))
 
 
 def main() -> None:

@@ -62,30 +62,14 @@ def _find_death(folder: Path, run: PlannedRun, session: str) -> tuple[str, str, 
 
 def repeat_command(folder: Path, run: PlannedRun, task: str) -> str:
     """Return the command that does a task of a run again, without Dask."""
-    run_folder, outputs = str(folder / run.folder), run.outputs
-    words = ["crowdsim", "run", str(folder / SCENARIOS / run.id / RESOLVED), "--threads", "1", "--out", run_folder]
-    kind = task.removeprefix("export-")
-    if kind in ("bvh", "ply", "pcd"):
-        output = getattr(outputs, kind)
-        words = ["crowdsim", "export", run_folder, f"--{kind}", "--fps", f"{output.fps:g}", "--threads", "1"]
-        if kind != "bvh":
-            words += ["--every", str(output.every), "--points", str(output.points)]
-        if output.avatars is not None:
-            words += ["--avatars", ",".join(map(str, output.avatars))]
-        words += _frames(output.frames)
-    elif outputs.render is not None and task.startswith(("pictures", "finish")):
-        render = outputs.render
-        width, height = render.size
-        words = ["crowdsim", "render", run_folder, "--size", f"{width}x{height}", "--fps", f"{render.fps:g}"]
-        words += ["--png"] * render.png + ["--mp4"] * render.mp4
-        words += ["--contact-sheet", str(render.contact_sheet)] if render.contact_sheet else []
-        words += ["--camera", render.camera] if isinstance(render.camera, str) else []
-        words += ["--no-caption"] * (not render.caption) + ["--threads", "1", *_frames(render.frames)]
-    return shlex.join(words)
-
-
-def _frames(frames: object) -> list[str]:
-    return ["--frames", f"{frames[0]}:{frames[1]}"] if isinstance(frames, tuple) else []
+    run_folder = str(folder / run.folder)
+    for output in run.outputs.wanted():
+        # Pictures are drawn in parts, and joined at the end.
+        is_drawn = output.label == "pictures" and task.startswith(("pictures", "finish"))
+        if is_drawn or task == f"export-{output.name}":
+            return shlex.join(output.command(run_folder))
+    scenario = str(folder / SCENARIOS / run.id / RESOLVED)
+    return shlex.join(["crowdsim", "run", scenario, "--threads", "1", "--out", run_folder])
 
 
 def log_tail(folder: Path, result: dict[str, Any], lines: int = 40) -> str:

@@ -115,7 +115,7 @@ class PlannedRun:
     @property
     def mark(self) -> str:
         """A checksum of its outputs, which tells whether others have been written."""
-        return checksum({"outputs": self.outputs.model_dump(mode="json", exclude={"take", "profile"})})
+        return checksum({"outputs": self.outputs.only(from_take=True).model_dump(mode="json", exclude_none=True)})
 
 
 @dataclass(frozen=True)

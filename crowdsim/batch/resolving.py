@@ -89,7 +89,7 @@ def split(scenario: Scenario) -> Resolved:
     The run's id does not depend on the outputs that are apart, so that others do not repeat the simulation.
     """
     outputs = scenario.outputs
-    alone = scenario.model_copy(update={"outputs": Outputs(take=outputs.take, profile=outputs.profile)})
+    alone = scenario.model_copy(update={"outputs": outputs.only(from_take=False)})
     text = dump_scenario(alone)
     return Resolved(hashlib.sha256(text.encode()).hexdigest()[:16], alone, text, outputs)
 

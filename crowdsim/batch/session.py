@@ -18,14 +18,15 @@ from crowdsim.batch.plan import LOGS, Plan, PlannedRun
 from crowdsim.batch.progress import Progress
 from crowdsim.batch.report import pick_thumbnails, thumbnail_path
 from crowdsim.batch.results import write_result
-from crowdsim.batch.tasks import KINDS, Job, draw, export, finish, has_outputs, simulate, thumbnail, topic
+from crowdsim.batch.tasks import Job, draw, export, finish, has_outputs, posed_outputs, simulate, thumbnail, topic
 from crowdsim.errors import RunError
 from crowdsim.files import entries
-from crowdsim.scenario.frame_ranges import output_frames
-from crowdsim.scenario.outputs import RenderOutput
+from crowdsim.scenario.output import Extent
 
 if TYPE_CHECKING:
     from distributed import Client, Future
+
+    from crowdsim.outputs.render import RenderOutput
 
 Show = Callable[[Progress], None]
 """Is called several times a second with how far a batch is."""
@@ -118,7 +119,7 @@ class Session:
         first, outputs = send(simulate, "simulate"), job.outputs
         if not has_outputs(outputs):
             return [first]
-        parts = [send(export, f"export_{kind}", kind, first) for kind in KINDS if getattr(outputs, kind) is not None]
+        parts = [send(export, f"export_{one.name}", one.name, first) for one in posed_outputs(outputs)]
         if outputs.render is not None:
             for low, stop in frame_ranges(outputs.render, run, self._plan.batch.frames_per_task):
                 parts.append(send(draw, f"draw_{low:08d}", low, stop, first))
@@ -219,8 +220,6 @@ def frame_ranges(render: RenderOutput, run: PlannedRun, size: int) -> Iterator[t
     """
     if not (render.mp4 or render.png):
         return
-    count = output_frames(run.control_frames, run.control_rate, render.fps)
-    first, stop = render.frames_at(render.fps) or (0, count)
-    stop = min(stop, count)
+    first, stop = render.frames_of(Extent(run.avatars, run.control_frames, run.control_rate))
     for low in range(first - first % size, stop, size):
         yield max(low, first), min(low + size, stop)

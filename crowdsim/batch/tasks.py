@@ -23,14 +23,13 @@ from crowdsim.runs.provenance import document_difference
 from crowdsim.scenario.outputs import Outputs
 
 if TYPE_CHECKING:
+    from crowdsim.export.posed import PosedOutput
     from crowdsim.policy.policy import Policy
     from crowdsim.render.batch import Place
     from crowdsim.render.options import RenderOptions
     from crowdsim.render.take_source import TakeSource
-    from crowdsim.runs.exports import ExportOptions
     from crowdsim.take.take import Take
 
-KINDS = ("bvh", "ply", "pcd")
 _PAUSE = 0.2
 """How often a folder is looked at that another process holds [s]."""
 _MOMENTS = 32
@@ -92,13 +91,15 @@ def simulate(job: Job) -> None:
 
 def export(job: Job, kind: str, *_: None) -> None:
     """Export a finished take as one kind of file, into a folder beside the run's."""
+    from crowdsim.export.posed import extent_of
     from crowdsim.runs.exports import export_take
 
     with _attempt(job, f"export-{kind}") as progress:
         take = _take(job)
+        output = getattr(job.outputs, kind).within(extent_of(take))
         out = job.work / f"export-{kind}"
         _wait_for(out)
-        export_take(job.folder, take, take.policies, _export_options(job, take, kind), out, 1, progress)
+        export_take(job.folder, take, take.policies, [output], out, 1, progress)
 
 
 def draw(job: Job, first: int, stop: int, *_: None) -> None:
@@ -116,14 +117,14 @@ def draw(job: Job, first: int, stop: int, *_: None) -> None:
 
 def finish(job: Job, *_: None) -> None:
     """Put exports and pictures in their places in the run folder, and join the video."""
+    from crowdsim.export.posed import extent_of
     from crowdsim.runs.exports import adopt_exports
 
     with _attempt(job, "finish") as progress:
         take = _take(job)
         _wait_for(job.folder)
-        for kind in KINDS:
-            if getattr(job.outputs, kind) is not None:
-                adopt_exports(job.folder, job.work / f"export-{kind}", _export_options(job, take, kind))
+        for output in posed_outputs(job.outputs):
+            adopt_exports(job.folder, job.work / f"export-{output.name}", [output.within(extent_of(take))])
         if job.outputs.render is not None:
             _join(job, progress)
         write_result(job.batch, job.id, collect(job.folder, take, job.mark))
@@ -147,7 +148,14 @@ def thumbnail(job: Job, path: Path, *_: None) -> None:
 
 def has_outputs(outputs: Outputs) -> bool:
     """Whether anything is written once a take is finished."""
-    return outputs.render is not None or any(getattr(outputs, kind) is not None for kind in KINDS)
+    return any(output.from_take for output in outputs.wanted())
+
+
+def posed_outputs(outputs: Outputs) -> list[PosedOutput]:
+    """Return the outputs that are exported, each by a task of its own."""
+    from crowdsim.export.posed import PosedOutput
+
+    return [output for output in outputs.wanted() if isinstance(output, PosedOutput)]
 
 
 def _join(job: Job, progress: Callable[[str, int, int], None]) -> None:
@@ -173,17 +181,6 @@ def _join(job: Job, progress: Callable[[str, int, int], None]) -> None:
     render(source, job.folder, options, progress, record)
 
 
-def _export_options(job: Job, take: Take, kind: str) -> ExportOptions:
-    from crowdsim.runs.exports import ExportOptions
-
-    output = getattr(job.outputs, kind)
-    count = take.output_frames(output.fps)
-    first, stop = output.frames_at(output.fps) or (0, count)
-    avatars = None if output.avatars is None else ",".join(map(str, output.avatars))
-    more = {} if kind == "bvh" else {"every": output.every, "points": output.points}
-    return ExportOptions([kind], avatars, f"{first}:{min(stop, count)}", output.fps, **more)
-
-
 def _source(job: Job) -> tuple[TakeSource, RenderOptions]:
     """Return the source of a run's pictures, and how they are drawn."""
     from crowdsim.render.command import scenario_options
@@ -191,7 +188,7 @@ def _source(job: Job) -> tuple[TakeSource, RenderOptions]:
     wanted = job.outputs.render
     assert wanted is not None
     options, source = scenario_options(wanted, 1), _open(job, wanted.fps)
-    first, stop = wanted.frames_at(wanted.fps) or (0, source.frame_count)
+    first, stop = wanted.asked_frames() or (0, source.frame_count)
     return source, replace(options, frames=(first, min(stop, source.frame_count)))
 
 

@@ -9,7 +9,7 @@ import functools
 import inspect
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -71,14 +71,36 @@ def with_talk(command: Callable[..., None]) -> Callable[..., None]:
         check_process()
         command(*values, **named)
 
-    signature = inspect.signature(command, eval_str=True)
-    options = [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=annotation)
-        for name, annotation in (("quiet", Quiet), ("verbose", Verbose))
+    return add_options(run, command, {"quiet": (Quiet, False), "verbose": (Verbose, False)})
+
+
+def add_options(
+    run: Callable[..., None],
+    command: Callable[..., None],
+    options: Mapping[str, tuple[Any, Any]],
+    at: int | None = None,
+) -> Callable[..., None]:
+    """Give a wrapper of a command its options and more, each with annotation and default; return it.
+
+    Args:
+        run: The wrapper, which is called with all options by name.
+        command: The command.
+        options: The others, by name.
+        at: How many of its own come before these; all when None.
+    """
+    own = [
+        one.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+        for one in inspect.signature(command, eval_str=True).parameters.values()
+        if one.kind is not inspect.Parameter.VAR_KEYWORD
     ]
-    signature = signature.replace(parameters=[*signature.parameters.values(), *options])
-    run.__signature__ = signature  # type: ignore[attr-defined]
-    run.__annotations__ = {name: one.annotation for name, one in signature.parameters.items()}
+    at = len(own) if at is None else at
+    more = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+        for name, (annotation, default) in options.items()
+    ]
+    parameters = [*own[:at], *more, *own[at:]]
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {one.name: one.annotation for one in parameters}
     return run
 
 

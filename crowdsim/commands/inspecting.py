@@ -102,9 +102,9 @@ def _inspect_run(folder: Path, as_json: bool, plots: Path | None, force: bool) -
 def _draw(folder: Path, thing: str | Path, draw: Callable[[Path], list[Path]], force: bool) -> None:
     """Make pictures of a thing in a folder and say where they are."""
     from crowdsim.runs.manifest import FILES
-    from crowdsim.runs.stage import write_together
+    from crowdsim.runs.stage import Wanted, write_together
 
-    with write_together(folder, FILES, ("plots",), {"of": str(thing)}, force=force) as writing:
+    with write_together(folder, Wanted(FILES, {"plots": {"of": str(thing)}}), force=force) as writing:
         pictures = writing.done or draw(writing.folder)
     for picture in pictures:
         note(str(folder / picture.name))

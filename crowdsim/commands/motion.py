@@ -33,10 +33,10 @@ def perform(
     """Write clips of the embedded boxer as BVH at 60 Hz."""
     from crowdsim.performer.session import write_performance
     from crowdsim.runs.manifest import FILES
-    from crowdsim.runs.stage import write_together
+    from crowdsim.runs.stage import Wanted, write_together
 
     asked = {"seconds": seconds, "seed": seed, "falls": falls, "rests": rests}
-    with Bars() as bars, write_together(out, FILES, ("clips",), asked, force=force) as writing:
+    with Bars() as bars, write_together(out, Wanted(FILES, {"clips": asked}), force=force) as writing:
         paths = writing.done or write_performance(
             writing.folder, seconds, seed, progress=bars, falls=falls, rests=rests
         )

@@ -1,4 +1,4 @@
-"""The commands ``run`` and ``export``."""
+"""The command ``run``."""
 
 from __future__ import annotations
 
@@ -12,20 +12,16 @@ import typer
 
 from crowdsim.commands.common import (
     Force,
-    Frames,
     Json,
     Mocap,
     Search,
     Threads,
     complete_scenario,
     detail,
-    note,
     print_json,
-    say,
     size_text,
     talk,
 )
-from crowdsim.commands.process import opened_run
 from crowdsim.commands.progress import Bars
 from crowdsim.core.workers import CORES
 from crowdsim.errors import CrowdsimError
@@ -171,42 +167,3 @@ def _describe_report(name: str, report: Any) -> dict[str, Any]:
         },
         "notes": report.notes,
     }
-
-
-def export(
-    folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or its archive.")],
-    bvh: Annotated[bool, typer.Option("--bvh", help="Write BVH, one file an avatar.")] = False,
-    ply: Annotated[bool, typer.Option("--ply", help="Write PLY point clouds, one file a frame.")] = False,
-    pcd: Annotated[bool, typer.Option("--pcd", help="Write PCD point clouds, one file a frame.")] = False,
-    avatars: Annotated[
-        str | None, typer.Option(metavar="NUMBERS", help="Numbers of avatars: 0-9 or 0,3,5-7; all by default.")
-    ] = None,
-    frames: Frames = None,
-    fps: Annotated[float, typer.Option(metavar="FPS", min=1.0, max=1000.0, help="Output frames a second.")] = 60.0,
-    every: Annotated[int, typer.Option(metavar="N", min=1, help="Write every n-th output frame of point clouds.")] = 1,
-    points: Annotated[int, typer.Option(metavar="N", min=1, max=100_000, help="Points an avatar.")] = 500,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder of bvh/, ply/ and pcd/; the run's, or one beside an archive."),
-    ] = None,
-    threads: Threads = CORES,
-    force: Force = False,
-) -> None:
-    """Export a run's take as BVH or point clouds, without simulating again; in the run's folder it replaces them."""
-    from crowdsim.compilation import watch_compilation
-    from crowdsim.runs.exports import ExportOptions, export_take
-    from crowdsim.runs.opening import open_run
-
-    kinds = [kind for kind, wanted in (("bvh", bvh), ("ply", ply), ("pcd", pcd)) if wanted]
-    options = ExportOptions(kinds, avatars, frames, fps, every, points)
-    uses = [use for use, wanted in (("bvh", bvh), ("clouds", ply or pcd)) if wanted]
-    target = out or (folder.with_suffix("") if folder.is_file() else folder)
-    with opened_run(folder) as unpacked:
-        opened = open_run(unpacked)
-        for line in opened.notes:
-            note(line)
-        with Bars() as bars, watch_compilation(bars.note, uses, threads):
-            written = export_take(unpacked, opened, opened.policies, options, target, threads, bars, force)
-    for kind, files in written.items():
-        size = sum(path.stat().st_size for path in files)
-        say(f"{target / kind}: {len(files):,} file{'s' if len(files) > 1 else ''}, {size_text(size)}")

@@ -19,22 +19,9 @@ from crowdsim.figures import new_figure, save_figure
 
 if TYPE_CHECKING:
     from crowdsim.crowd.profile import Profile
-    from crowdsim.scenario.outputs import ProfileOutput
 
 PAPER_NANOSECONDS = 300_000.0
 """What the paper's control cost an avatar and frame: 9 s for 30 avatars and 1000 frames on a 2.4 GHz Pentium 4."""
-
-
-def write_profile(folder: Path, timings: Array, avatars: int, wanted: ProfileOutput) -> list[Path]:
-    """Write ``profile.csv``, and ``profile.png`` where plots are wanted, into a run's folder; return the files."""
-    files = []
-    if wanted.csv:
-        files.append(folder / "profile.csv")
-        write_csv(files[-1], timings, avatars)
-    if wanted.plots:
-        files.append(folder / "profile.png")
-        draw_profile(files[-1], timings, avatars)
-    return files
 
 
 def write_csv(path: Path, timings: Array, avatars: int) -> None:

@@ -37,7 +37,7 @@ class CloudSink:
         RunError: Open3D, which writes PCD, cannot be loaded.
     """
 
-    margin = 1
+    margin, reads_joints = 1, True
 
     def __init__(
         self,

@@ -7,12 +7,14 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
 
 from crowdsim.core.types import Array, Progress
-from crowdsim.poses.sampler import Poses, PoseSampler
+
+if TYPE_CHECKING:
+    from crowdsim.poses.sampler import Poses, PoseSampler
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -54,6 +56,7 @@ class Sink(Protocol):
         stop: One past the last.
         avatars: Numbers of its avatars, ascending.
         margin: Frames before and after each that it looks at.
+        reads_joints: Whether it reads the joints of blocks, which are then worked out once, ahead of it.
         total: Number of files.
         done: Number of files written.
     """
@@ -63,6 +66,7 @@ class Sink(Protocol):
     stop: int
     avatars: Array
     margin: int
+    reads_joints: bool
 
     @property
     def total(self) -> int:
@@ -122,7 +126,7 @@ def _stream(
 ) -> list[list[Path]]:
     avatars = _union(sinks)
     start, stop = min(sink.start for sink in sinks), max(sink.stop for sink in sinks)
-    margin = max(sink.margin for sink in sinks)
+    margin, reads_joints = max(sink.margin for sink in sinks), any(sink.reads_joints for sink in sinks)
     last = sampler.take.output_frames(fps)
     size = int(np.clip(_POSES_AT_ONCE // max(1, len(avatars)), 1, _FRAMES_AT_ONCE))
     kinds = " and ".join(sink.kind for sink in sinks)
@@ -131,7 +135,7 @@ def _stream(
         end = min(first + size, stop)
         low, high = max(first - margin, 0), min(end + margin, last)
         block = Block(low, first, end, sampler.sample(low, high, fps, avatars))
-        if margin:
+        if reads_joints:
             _ = block.joints
         return block
 

@@ -124,14 +124,11 @@ def kernel_uses(scenario: Scenario, untrained: Sequence[str] = ()) -> list[str]:
     """
     from crowdsim.crowd.simulation import SMALL
 
-    outputs = scenario.outputs
     size = "few" if scenario.avatar_count <= SMALL else "many"
     needed = {
         "training": bool(untrained),
         f"{size} {table_type_of(policy_names(scenario))}": True,
-        "bvh": outputs.bvh is not None,
-        "clouds": outputs.ply is not None or outputs.pcd is not None,
-        "pictures": outputs.render is not None,
+        **{output.kernels: True for output in scenario.outputs.wanted() if output.kernels},
     }
     return [use for use, is_needed in needed.items() if is_needed]
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,8 +14,10 @@ from crowdsim.config.files import Finding, find_faults
 from crowdsim.config.nodes import MAXIMUM_BYTES
 from crowdsim.errors import CrowdsimError, PolicyError, RecipeError, ScenarioError, nearest
 from crowdsim.scenario.frame_ranges import frame_limit, output_frames
+from crowdsim.scenario.output import Ranged
 
 if TYPE_CHECKING:
+    from crowdsim.policy.policy import Policy
     from crowdsim.scenario.scenario import Scenario
 
 _KEY = re.compile(rb"""^['"]?([A-Za-z_]+)['"]?[ ]*:""", re.MULTILINE)
@@ -54,7 +57,7 @@ def check_file(path: Path) -> tuple[list[str], list[str]]:
         scenario = load_scenario(path)
     except CrowdsimError as error:
         return str(error).splitlines(), []
-    for check in (_behaviour_findings, _time_findings, _stance_findings):
+    for check in (_behaviour_findings, _time_findings, _stance_findings, _output_findings):
         try:
             lines += map(str, scenario.place(check(scenario)))
         except CrowdsimError as error:
@@ -126,15 +129,31 @@ def _behaviour_findings(scenario: Scenario) -> list[Finding]:
 
 
 def _stance_findings(scenario: Scenario) -> list[Finding]:
-    """Return a finding for each stance of which a policy has too little motion; policies must have been trained."""
+    """Return a finding for each stance of which a policy has too little motion."""
     from crowdsim.crowd.stances import stance_findings
+
+    return stance_findings(
+        scenario, _trained(kind.policy for kind in scenario.types.values() if kind.stance is not None)
+    )
+
+
+def _output_findings(scenario: Scenario) -> list[Finding]:
+    """Return what is wrong with outputs for the policies of their avatars."""
+    from crowdsim.preparation.prepare import policy_names
+
+    needed = any(output.reads_policies for output in scenario.outputs.wanted())
+    return output_findings(scenario, list(_trained(policy_names(scenario) if needed else ()).values()))
+
+
+def _trained(names: Iterable[str]) -> dict[str, Policy]:
+    """Return the policies of these names that have been trained."""
     from crowdsim.policy.bundle import load_policy
 
     policies = {}
-    for name in dict.fromkeys(kind.policy for kind in scenario.types.values() if kind.stance is not None):
+    for name in dict.fromkeys(names):
         with suppress(PolicyError):
-            policies[name] = load_policy(assets.find_bundle(name))
-    return stance_findings(scenario, policies)
+            policies[name] = replace(load_policy(assets.find_bundle(name)), name=name)
+    return policies
 
 
 def _time_findings(scenario: Scenario) -> list[Finding]:
@@ -146,23 +165,21 @@ def _time_findings(scenario: Scenario) -> list[Finding]:
     rate = control_rate(scenario)
     count = scenario.control_frames(rate)
     findings = []
-    for key, fps, frames in _ranges(scenario):
+    outputs = scenario.outputs.resolved(scenario.fps).wanted()
+    for output in (output for output in outputs if isinstance(output, Ranged)):
+        frames, fps = output.asked_frames(), output.rate
+        if frames is None:
+            continue
         if frames[0] >= output_frames(count, rate, fps) or frames[1] > frame_limit(count, rate, fps):
             last = output_frames(count, rate, fps) - 1
             what = f"is {list(frames)}, but the run has frames 0 to {last} at {fps:g} fps, {_length(count, rate)}"
-            findings.append(Finding(("outputs", key, "frames"), f"{what}, expected a range within"))
+            findings.append(output.place(Finding(("frames",), f"{what}, expected a range within")))
     return findings
 
 
-def _ranges(scenario: Scenario) -> Iterator[tuple[str, float, tuple[int, int]]]:
-    """Yield the outputs of a scenario that are cut to some frames: key, rate and range."""
-    for key in ("bvh", "ply", "pcd", "render"):
-        output = getattr(scenario.outputs, key)
-        if output is not None:
-            fps = output.fps or scenario.fps
-            frames = output.frames_at(fps)
-            if frames is not None:
-                yield key, fps, frames
+def output_findings(scenario: Scenario, policies: Sequence[Policy]) -> list[Finding]:
+    """Return what is wrong with the outputs of a scenario for its policies."""
+    return [one.place(finding) for one in scenario.outputs.wanted() for finding in one.findings_with(policies)]
 
 
 def control_rate(scenario: Scenario) -> float:

@@ -87,7 +87,7 @@ def scenario_options(output: Any, threads: int | None = None) -> RenderOptions:
     return RenderOptions(
         size=tuple(output.size),
         fps=output.fps,
-        frames=output.frames_at(output.fps),
+        frames=output.asked_frames(),
         camera=chosen,
         mp4=output.mp4,
         png=output.png,

@@ -3,59 +3,107 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import ValidationError
 
+from crowdsim.config.schema import join
 from crowdsim.core.types import Progress
-from crowdsim.errors import CrowdsimError
+from crowdsim.errors import CrowdsimError, nearest
+from crowdsim.export.posed import PosedOutput, extent_of, write_posed
 from crowdsim.files import is_folder, move_plain, walk
 from crowdsim.runs.manifest import EXPORT
-from crowdsim.runs.outputs import Export, write_exports
+from crowdsim.runs.outputs import plan_outputs
 from crowdsim.runs.provenance import sources_hash
-from crowdsim.runs.stage import Plan, write_together
+from crowdsim.runs.stage import Plan, Wanted, write_together
 from crowdsim.scenario.frame_ranges import parse_frames
+from crowdsim.scenario.output import FPS
+from crowdsim.scenario.outputs import REGISTRY
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
     from crowdsim.take.take import Take
 
+EXPORTS: dict[str, type[PosedOutput]] = {
+    name: output for name, output in REGISTRY.items() if issubclass(output, PosedOutput)
+}
+"""The outputs that are exported, by name."""
 
-@dataclass(frozen=True)
-class ExportOptions:
-    """What to export of a run, in a user's words.
 
-    Attributes:
-        kinds: ``bvh``, ``ply``, ``pcd``.
-        avatars: Their numbers, ``0-9`` or ``0,3,5-7``; all when None.
+def choose_outputs(
+    take: Take,
+    kinds: Sequence[str],
+    fps: float | None = None,
+    frames: str | None = None,
+    avatars: str | None = None,
+    **keys: Any,
+) -> list[PosedOutput]:
+    """Return outputs of a take that a user chooses.
+
+    Args:
+        take: The take.
+        kinds: Names of outputs, of those in ``EXPORTS``.
+        fps: Output frames a second; 60 when None.
         frames: Output frames ``A:B``, in frames or seconds; all when None.
-        fps: Output frames a second.
-        every: Write every n-th output frame of point clouds.
-        points: Points an avatar.
-    """
+        avatars: Their numbers, ``0-9`` or ``0,3,5-7``; all when None.
+        **keys: Other keys, for the outputs that have them, lists as text with commas too; None for the defaults.
 
-    kinds: Sequence[str]
-    avatars: str | None = None
-    frames: str | None = None
-    fps: float = 60.0
-    every: int = 1
-    points: int = 500
+    Raises:
+        TakeError: Avatars or frames are asked for that the take does not have.
+        CrowdsimError: Nothing is chosen, there is no such output, or none of them has a key or takes its value.
+    """
+    from crowdsim.export.select import parse_avatars
+
+    if not kinds:
+        raise CrowdsimError(f"nothing to export, expected {_options(EXPORTS)}")
+    for kind in kinds:
+        if kind not in EXPORTS:
+            raise CrowdsimError(f"there is no export {kind!r}, expected {join(EXPORTS)}{nearest(kind, EXPORTS)}")
+    rate = fps or FPS
+    count = take.output_frames(rate)
+    given: dict[str, Any] = {"fps": rate, "avatars": parse_avatars(avatars, take.avatar_count), "frames": (0, count)}
+    if frames is not None:
+        given["frames"] = parse_frames(frames).resolve(count, rate, take.frame_limit(rate))
+    more = {key: value for key, value in keys.items() if value is not None}
+    for key in more:
+        having = [kind for kind, output in EXPORTS.items() if key in output.model_fields]
+        if not set(having) & set(kinds):
+            raise CrowdsimError(f"--{key} has no effect on {_options(kinds)}, expected {_options(having)} with it")
+    chosen = []
+    for output in map(EXPORTS.__getitem__, kinds):
+        try:
+            own = {key: _listed(output, key, value) for key, value in more.items() if key in output.model_fields}
+            chosen.append(output.model_validate({**given, **own}))
+        except ValidationError as error:
+            found = error.errors()[0]
+            raise CrowdsimError(f"{output.name}: {'.'.join(map(str, found['loc']))}: {found['msg']}") from None
+    return chosen
+
+
+def _listed(output: type[PosedOutput], key: str, value: Any) -> Any:
+    """Return a value; words with commas between as a list where the output wants one."""
+    is_text = isinstance(value, str) and "tuple" in str(output.model_fields[key].annotation)
+    return [word.strip() for word in value.split(",")] if is_text else value
+
+
+def _options(kinds: Iterable[str]) -> str:
+    return join([f"--{kind}" for kind in kinds])
 
 
 def export_take(
     folder: Path,
     take: Take,
     policies: Sequence[Policy],
-    options: ExportOptions,
+    outputs: Sequence[PosedOutput],
     out: Path | None = None,
     threads: int = 1,
     progress: Progress | None = None,
     force: bool = False,
 ) -> dict[str, list[Path]]:
-    """Export a run's take again; return the files of each kind.
+    """Export a run's take again; return the files of each output.
 
     What an interrupted export has finished is kept for the same export, and removed by another one. In the run's own
     folder, exports take the place of those of their kind; in another one only with ``force``.
@@ -64,51 +112,42 @@ def export_take(
         folder: The run folder.
         take: Its take.
         policies: Its policies.
-        options: What to export.
-        out: Another folder for ``bvh/``, ``ply/`` and ``pcd/``.
+        outputs: What to export (``choose_outputs``).
+        out: Another folder for the folders of the outputs.
         threads: Threads.
         progress: Called with stage, done and total.
         force: Whether to do it again although it is done, and to replace exports in another folder.
 
     Raises:
-        TakeError: Avatars or frames are asked for that the take does not have, or the manifest is damaged.
+        TakeError: The manifest is damaged.
         OutputError: A folder cannot be made or is in use, or holds other files of these names.
+        CrowdsimError: An output does not fit the policies.
         RunError: A file cannot be written.
     """
-    from crowdsim.export.select import parse_avatars
     from crowdsim.poses.sampler import PoseSampler
 
-    if not options.kinds:
-        raise CrowdsimError("nothing to export, expected --bvh, --ply or --pcd")
-    count, fps = take.output_frames(options.fps), options.fps
-    frames = (0, count)
-    if options.frames is not None:
-        frames = parse_frames(options.frames).resolve(count, fps, take.frame_limit(fps))
-    avatars = parse_avatars(options.avatars, take.avatar_count)
-    wanted = [Export(kind, fps, frames, avatars, options.every, options.points) for kind in options.kinds]
-    made_from = {"take": _mark(take), "frames": frames, "avatars": avatars and list(avatars)}
-    plan = Plan()
-    for one in wanted:
-        one.plan(plan, take.cast.names.tolist())
-    with write_together(
-        out or folder, EXPORT, options.kinds, asdict(options), plan, made_from, folder, options.kinds, force, threads
-    ) as writing:
+    for output in outputs:
+        for finding in output.findings_with(policies):
+            raise CrowdsimError(f"{output.name}: {finding}")
+    place, kinds = out or folder, [output.name for output in outputs]
+    plan = plan_outputs(outputs, extent_of(take), take.cast.names.tolist())
+    with write_together(place, _wanted(outputs, plan, {"take": _mark(take)}), folder, force, threads) as writing:
         if writing.done:
-            written = {kind: [path for path in writing.done if path.parent.name == kind] for kind in options.kinds}
+            written = {kind: [path for path in writing.done if path.parent.name == kind] for kind in kinds}
         else:
-            written = write_exports(PoseSampler(take, policies, threads), writing.folder, wanted, threads, progress)
-    return {kind: [(out or folder) / kind / path.name for path in files] for kind, files in written.items()}
+            written = write_posed(PoseSampler(take, policies, threads), writing.folder, outputs, threads, progress)
+    return {kind: [place / kind / path.name for path in files] for kind, files in written.items()}
 
 
-def adopt_exports(folder: Path, apart: Path, options: ExportOptions, threads: int = 1) -> None:
+def adopt_exports(folder: Path, apart: Path, outputs: Sequence[PosedOutput], threads: int = 1) -> None:
     """Put exports of a finished run that ``export_take`` wrote into another folder in their places in the run's.
 
     They appear under their names all together. A process that takes over from one that was killed completes it.
 
     Args:
         folder: The run folder.
-        apart: The other folder, on the same disk, with a folder for each kind.
-        options: What was exported.
+        apart: The other folder, on the same disk, with a folder for each output.
+        outputs: What was exported.
         threads: Threads that sum up files.
 
     Raises:
@@ -116,16 +155,20 @@ def adopt_exports(folder: Path, apart: Path, options: ExportOptions, threads: in
         OutputError: The folder is in use, or holds other files of these names beside a run's.
         RunError: A file cannot be written.
     """
-    folders = [(place, kind) for place in (apart, folder / EXPORT) for kind in options.kinds if is_folder(place, kind)]
+    kinds = [output.name for output in outputs]
+    folders = [(place, kind) for place in (apart, folder / EXPORT) for kind in kinds if is_folder(place, kind)]
     names = {name for place, kind in folders for name in walk(place, kind)}
     if not names:
         return
-    with write_together(
-        folder, EXPORT, options.kinds, asdict(options), Plan(names), None, folder, options.kinds, threads=threads
-    ) as writing:
-        for kind in options.kinds if not writing.done else ():
+    with write_together(folder, _wanted(outputs, Plan(names), {}), folder, threads=threads) as writing:
+        for kind in kinds if not writing.done else ():
             for name in walk(apart, kind) if is_folder(apart, kind) else ():
                 move_plain(apart, name, writing.folder)
+
+
+def _wanted(outputs: Sequence[PosedOutput], plan: Plan, made_from: dict[str, Any]) -> Wanted:
+    asked = {output.name: output.model_dump(mode="json", exclude_none=True) for output in outputs}
+    return Wanted(EXPORT, asked, plan, made_from, list(asked))
 
 
 def _mark(take: Take) -> str:

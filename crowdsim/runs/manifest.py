@@ -33,6 +33,7 @@ from crowdsim.files import (
 )
 from crowdsim.machine import describe_machine
 from crowdsim.runs.lock import LOCKS
+from crowdsim.scenario.outputs import REGISTRY
 
 NAME = "manifest.json"
 OUTPUTS = ".crowdsim-outputs.json"
@@ -47,14 +48,15 @@ MOST_BYTES = 1 << 25
 _TAKE = "take.zarr/"
 _OWN = {NAME, OUTPUTS, *LOCKS}
 """What is no result of a command: these lists, and notes of what goes on."""
-_NUMBERED = r"ply/\d{6,}\.ply|pcd/\d{6,}\.pcd|frames/\d{6,}\.png"
+_BESIDE = "|".join(one.pattern() for one in REGISTRY.values() if not one.from_take and one.pattern())
+_AGAIN = "|".join(one.pattern() for one in REGISTRY.values() if one.from_take)
 _RUN = re.compile(
-    r"scenario\.resolved\.yaml|checkpoint\.bin|profile\.(?:csv|png)"
+    rf"scenario\.resolved\.yaml|checkpoint\.bin|{_BESIDE}"
     r"|take\.zarr/(?:[a-z_]+/){0,2}(?:\.z(?:group|attrs|array|metadata)|\d+(?:\.\d+)*)"
-    rf"|(?:[^/]+/)*(?:bvh/[^/]+\.bvh|{_NUMBERED}|video\.mp4|contact_sheet\.png)"
+    rf"|(?:[^/]+/)*(?:{_AGAIN})"
     r"|policies/[^/]+/[a-z_0-9]+\.(?:json|npy)"
 )
-_APART = re.compile(rf"(?:[^/]+/)*(?:{_NUMBERED}|[^/]+\.(?:bvh|png|mp4|svg)|profile\.csv|trace\.json)")
+_APART = re.compile(rf"(?:[^/]+/)*(?:{_AGAIN}|[^/]+\.(?:bvh|png|mp4|svg)|profile\.csv|trace\.json)")
 """Names of files that commands write, in a run folder and elsewhere."""
 
 _Count = Annotated[int, Field(ge=0, le=1 << 62)]

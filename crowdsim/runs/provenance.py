@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
 
 _PACKAGES = ("numpy", "numba", "zarr", "numcodecs")
-_SOURCES = ("core", "crowd", "export", "jit", "policy", "preparation", "render", "runs", "scenario", "take")
+_SOURCES = ("core", "crowd", "export", "jit", "outputs", "policy", "preparation", "render", "runs", "scenario", "take")
 """Folders of the package whose code decides what a run writes, beside what its policies' fingerprints cover."""
 _DIFFERENCE_LINES = 40
 

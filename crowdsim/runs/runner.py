@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict
@@ -24,7 +23,7 @@ from crowdsim.preparation.prepare import (
     training_notice,
     untrained_policies,
 )
-from crowdsim.preparation.validation import check_scenario, late_events
+from crowdsim.preparation.validation import check_scenario, late_events, output_findings
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.checkpoint import Checkpoint, read_checkpoint
 from crowdsim.runs.folder import RESOLVED, check_begun, check_folder
@@ -32,11 +31,12 @@ from crowdsim.runs.lock import hold_folder
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import RUN as STAGE
 from crowdsim.runs.manifest import checksums, read_ledger, read_manifest
-from crowdsim.runs.outputs import expect_outputs, plan_outputs, write_outputs
+from crowdsim.runs.outputs import plan_outputs, write_outputs
 from crowdsim.runs.provenance import Origin, origin_of
 from crowdsim.runs.recorded import RecordedRun
 from crowdsim.runs.run import Report, Run
 from crowdsim.runs.stage import TAKE, Plan, Stage, complete, complete_alone, open_stage, refuse_others
+from crowdsim.scenario.output import Extent
 from crowdsim.scenario.scenario import Scenario, dump_scenario
 from crowdsim.scenario.warnings import policy_warnings
 from crowdsim.take.take import Take
@@ -144,7 +144,9 @@ def _run_in_folder(one: Run, resolved: str, policies: Sequence[Policy] | None) -
         one.policy_folders = bundle_folders([policy.name for policy in crowd.policies])
     else:
         crowd = draw_crowd(one.scenario, policies)
-    expect_outputs(one.scenario)
+    one.scenario.refuse(output_findings(one.scenario, crowd.policies))
+    for output in one.scenario.outputs.wanted():
+        output.prepare()
     one.clock.lap("prepare")
     if one.notify is not None and crowd.count >= LARGE:
         one.notify(needs(crowd.count, crowd.frames, one.folder))
@@ -238,7 +240,8 @@ def plan_run(one: Run, crowd: Crowd) -> Plan:
         ScenarioError: An output has the name of a file that the scenario reads, or there are too many files.
     """
     scenario = one.scenario
-    plan = plan_outputs(scenario, crowd.cast.names.tolist(), crowd.frames, crowd.rate)
+    names = crowd.cast.names.tolist()
+    plan = plan_outputs(scenario.outputs.wanted(), Extent(len(names), crowd.frames, crowd.rate), names)
     count = sum(plan.counts().values())
     if count > MOST_FILES:
         raise ScenarioError(f"{scenario.name}: outputs are {count:,} files, expected at most {MOST_FILES:,}")
@@ -257,29 +260,18 @@ def _inputs(scenario: Scenario) -> list[str]:
 
 def _write(one: Run, crowd: Crowd, origin: Origin, begun: Checkpoint | None, stage: Stage) -> None:
     """Write everything into the stage of a run, or what is missing there, and put it in its place."""
-    work, scenario, report = one.work, one.scenario, one.report
+    work, scenario = one.work, one.scenario
     write_plain(work, RESOLVED, origin.scenario)
     for name in scenario.files:
         copy_plain(scenario.folder / name, work, PurePosixPath(name).as_posix())
     take, timings = _write_take(one, crowd, origin, begun)
-    files = write_outputs(one, take, crowd.policies)
-    profiled: list[str] = []
-    if timings is not None and scenario.outputs.profile is not None:
-        from crowdsim.crowd.profile_files import write_profile
-
-        profiled = [path.name for path in write_profile(work, timings, take.avatar_count, scenario.outputs.profile)]
-        one.clock.lap("profile")
-    for kind, written in files.items():
-        if not written:
-            # Avatars that never came have no file.
-            continue
-        # One picture is named, of several the folder they are in.
-        place = Path(os.path.commonpath(written)) if kind == "pictures" else written[0].parent
-        size = sum(path.stat().st_size for path in written)
-        report.outputs[kind] = (one.folder / place.relative_to(work), len(written), size)
+    outputs = write_outputs(one, take, crowd.policies, timings)
+    for kind, (place, files) in outputs.items():
+        size = sum(path.stat().st_size for path in files)
+        one.report.outputs[kind] = (one.folder / place.relative_to(work), len(files), size)
     one.advance_outputs("checksums", 0, 1)
-    names = [path.relative_to(work).as_posix() for paths in files.values() for path in paths]
-    names += [CHECKPOINT, *_inputs(scenario), *(f"{TAKE}/{name}" for name in walk(work / TAKE)), *profiled]
+    names = [path.relative_to(work).as_posix() for _, files in outputs.values() for path in files]
+    names += [CHECKPOINT, *_inputs(scenario), *(f"{TAKE}/{name}" for name in walk(work / TAKE))]
     hashes = checksums(work, names, one.threads)
     one.clock.lap("checksums")
     stage.publish(_manifest(one, crowd, origin), hashes)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from os.path import lexists, realpath
 from pathlib import Path
 from time import perf_counter
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from crowdsim.config.documents import parse_json
@@ -358,6 +359,24 @@ def find_base(folder: Path) -> tuple[Path, str]:
     return folder, ""
 
 
+class Wanted(NamedTuple):
+    """What a command writes, by which the same command is recognised.
+
+    Attributes:
+        stage: Name of its stage.
+        asked: What a reader should know of the files, by what they are: an output, or another word.
+        plan: Names of the files; anything that the command writes when None.
+        made_from: What else they depend on.
+        replaces: Folders whose files before are removed.
+    """
+
+    stage: str
+    asked: Mapping[str, Mapping[str, Any]]
+    plan: Plan | None = None
+    made_from: Mapping[str, Any] = MappingProxyType({})
+    replaces: Sequence[str] = ()
+
+
 class Writing(NamedTuple):
     """What a command that writes into a folder works with.
 
@@ -372,28 +391,14 @@ class Writing(NamedTuple):
 
 @contextmanager
 def write_together(
-    out: Path,
-    stage: str,
-    labels: Sequence[str],
-    asked: Mapping[str, Any],
-    plan: Plan | None = None,
-    made_from: Mapping[str, Any] | None = None,
-    run: Path | None = None,
-    replaces: Sequence[str] = (),
-    force: bool = False,
-    threads: int = 1,
+    out: Path, wanted: Wanted, run: Path | None = None, force: bool = False, threads: int = 1
 ) -> Iterator[Writing]:
     """Let a command write files that appear in a folder all together when this context ends, and are recorded there.
 
     Args:
         out: The folder.
-        stage: Name of the stage.
-        labels: What the files are, by folders in ``out`` or other words, in its list.
-        asked: What a reader should know of them; what they are made from, by which the same command is recognised.
-        plan: Names of the files in ``out``; anything that it writes when None.
-        made_from: What else they depend on.
-        run: The run that they are of; in its own folder they take the place of those before.
-        replaces: Folders in ``out`` whose files before are removed.
+        wanted: What is written.
+        run: The run that the files are of; in its own folder they take the place of those before.
         force: Whether files that a command has written into another folder may be replaced.
         threads: Threads that sum up files.
 
@@ -407,8 +412,9 @@ def write_together(
     own = run is not None and is_run and realpath(run) == realpath(base)
     if run is not None and is_run and not own:
         raise OutputError(f"{out}: is in the folder of another run, {base}; expected another folder")
-    key = checksum({"asked": dict(asked), "from": dict(made_from or {}), "labels": list(labels)})
-    names = [f"{above}/{label}" if above else label for label in labels]
+    stage, plan = wanted.stage, wanted.plan
+    key = checksum({"asked": wanted.asked, "from": dict(wanted.made_from)})
+    names = {f"{above}/{label}" if above else label: facts for label, facts in wanted.asked.items()}
     with hold_folder(base):
         complete(base)
         ledger = read_ledger(base)
@@ -441,10 +447,10 @@ def write_together(
             except OutputError:
                 discard(base, stage)
                 raise
-        gone = {f"{above}/{place}" if above else place for place in replaces}
+        gone = {f"{above}/{place}" if above else place for place in wanted.replaces}
         kept = {name: facts for name, facts in ledger.files.items() if name.rpartition("/")[0] not in gone}
-        facts = {**asked, "key": key, **({} if mine else {"files": written})}
-        report = {**ledger.document, "exports": {**exports, **dict.fromkeys(names, facts)}}
+        more = {"key": key, **({} if mine else {"files": written})}
+        report = {**ledger.document, "exports": {**exports, **{name: {**names[name], **more} for name in names}}}
         with under_way():
             held.publish(report, {**kept, **checksums(held.path, written, threads)}, ledger.name)
 
@@ -480,7 +486,6 @@ def write_pictures(
     """
     names = {path.relative_to(out).as_posix() for path in planned}
     made_from = {"mark": mark, "files": sorted(names)}
-    with write_together(
-        out, PICTURES, ("pictures",), drawn, Plan(names), made_from, run, (), force, threads
-    ) as writing:
+    wanted = Wanted(PICTURES, {"pictures": drawn}, Plan(names), made_from)
+    with write_together(out, wanted, run, force, threads) as writing:
         yield writing

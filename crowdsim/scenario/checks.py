@@ -14,8 +14,6 @@ from crowdsim.scenario.description import Description
 from crowdsim.scenario.fight_checks import fight_findings
 from crowdsim.scenario.groups import MAXIMUM_AVATARS, FixedOpponents, Opponents
 
-MAXIMUM_BVH_FILES = 10_000
-MAXIMUM_POINTS = 500_000_000
 _MOST_OF_CIRCLE = 10
 
 
@@ -110,7 +108,10 @@ def sense_findings(scenario: Description) -> list[Finding]:
     Of very many, there are no more than ``MOST_FINDINGS`` and one.
     """
     found = chain(
-        _crowd_findings(scenario), _search_findings(scenario), _output_findings(scenario), fight_findings(scenario)
+        _crowd_findings(scenario),
+        _search_findings(scenario),
+        scenario.outputs.findings(scenario.avatar_count),
+        fight_findings(scenario),
     )
     return list(islice(dict.fromkeys(found), MOST_FINDINGS + 1))
 
@@ -133,28 +134,6 @@ def _crowd_findings(scenario: Description) -> Iterator[Finding]:
             of = everyone if event.group is None else crowd.indices.get(event.group, ())
             for i in of if isinstance(event.opponents, FixedOpponents) else of[:1]:
                 yield from _opponents_findings(crowd, i, event.opponents, ("events", j, "opponents"))
-
-
-def _output_findings(scenario: Description) -> Iterator[Finding]:
-    """Yield what outputs are to hold but cannot."""
-    total, outputs = scenario.avatar_count, scenario.outputs
-    if outputs.bvh is not None and outputs.bvh.avatars is None and total > MAXIMUM_BVH_FILES:
-        what = f"asks for {total:,} files, expected at most {MAXIMUM_BVH_FILES:,}; choose some by 'avatars'"
-        yield Finding(("outputs", "bvh"), what)
-    for key, output in (("bvh", outputs.bvh), ("ply", outputs.ply), ("pcd", outputs.pcd)):
-        for i, avatar in enumerate((output.avatars if output else None) or ()):
-            if avatar >= total:
-                what = f"{show(avatar)}, expected an avatar from 0 to {total - 1}"
-                yield Finding(("outputs", key, "avatars", i), what)
-    for key, cloud in (("ply", outputs.ply), ("pcd", outputs.pcd)):
-        points = 0 if cloud is None else cloud.points * (total if cloud.avatars is None else len(cloud.avatars))
-        if points > MAXIMUM_POINTS:
-            what = f"asks for {points:,} points a frame, expected at most {MAXIMUM_POINTS:,}"
-            yield Finding(("outputs", key, "points"), what)
-    camera = outputs.render.camera if outputs.render else "auto"
-    if not isinstance(camera, str) and camera.kind == "follow" and camera.avatar >= total:
-        what = f"{show(camera.avatar)}, expected an avatar from 0 to {total - 1}"
-        yield Finding(("outputs", "render", "camera", "avatar"), what)
 
 
 def _search_findings(scenario: Description) -> Iterator[Finding]:

@@ -1,10 +1,13 @@
-"""The reference page of scenario files."""
+"""The reference page of scenario files, and the table of outputs in that of commands."""
 
 from __future__ import annotations
 
 import json
+import re
 
 from crowdsim.config.reference import reference_page
+from crowdsim.scenario.output import Extent, Series
+from crowdsim.scenario.outputs import REGISTRY
 
 _HEAD = """# Scenario files
 
@@ -24,3 +27,20 @@ def scenario_reference() -> str:
     from crowdsim.scenario.scenario import scenario_schema
 
     return reference_page(json.loads(scenario_schema()), _HEAD)
+
+
+def with_outputs(page: str) -> str:
+    """Return docs/commands.md with its table of outputs made anew: keys, files, and the keys that each has."""
+    lines = ["| output | | files | keys |", "|---|---|---|---|"]
+    for name, output in REGISTRY.items():
+        files = [
+            f"`{one.names()[0]}`, ..." if isinstance(one, Series) else f"`{one}`"
+            for one in output().files(Extent(1, 1, 15.0), ["NAME"])
+        ]
+        about = output.about.replace("|", "\\|")
+        keys = ", ".join(f"`{key}`" for key in output.model_fields)
+        lines.append(f"| `{name}` | {about} | {', '.join(files) or '`take.zarr`'} | {keys} |")
+    table = "\n".join(lines)
+    return re.sub(
+        r"(<!-- outputs -->\n).*?(\n<!-- end -->)", lambda found: found[1] + table + found[2], page, flags=re.DOTALL
+    )

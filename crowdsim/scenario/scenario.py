@@ -194,20 +194,11 @@ def resolve_scenario(scenario: Scenario, folder: FileName = ".") -> Scenario:
                 }
             )
         )
-    outputs: dict[str, Any] = {}
-    for key in ("bvh", "ply", "pcd"):
-        output = getattr(scenario.outputs, key)
-        if output is not None:
-            fps = output.fps or scenario.fps
-            outputs[key] = output.model_copy(update={"fps": fps, "frames": output.frames_at(fps)})
-    render = scenario.outputs.render
-    if render is not None:
-        outputs["render"] = render.model_copy(update={"frames": render.frames_at(render.fps)})
     resolved = scenario.model_copy(
         update={
             "types": _merged_types(scenario),
             "groups": tuple(groups),
-            "outputs": scenario.outputs.model_copy(update=outputs),
+            "outputs": scenario.outputs.resolved(scenario.fps),
         }
     )
     resolved = with_search(resolved, scenario.opponents.search)

@@ -17,7 +17,11 @@ from crowdsim.batch.plan import NAME, Plan, PlannedRun, read_plan, write_plan
 from crowdsim.batch.running import plan_batch
 from crowdsim.batch.session import frame_ranges
 from crowdsim.errors import BatchError
-from crowdsim.scenario.outputs import BvhOutput, CloudOutput, Outputs, RenderOutput
+from crowdsim.outputs.bvh import BvhOutput
+from crowdsim.outputs.csv import CsvOutput
+from crowdsim.outputs.ply import PlyOutput
+from crowdsim.outputs.render import RenderOutput
+from crowdsim.scenario.outputs import Outputs
 
 AXES = [{"seed": "0:3"}, {"duration": [20, 30]}]
 
@@ -98,12 +102,14 @@ def test_a_plan_of_as_many_runs_as_there_may_be_is_read_again_and_a_longer_one_n
 def test_estimates_grow_with_what_is_written() -> None:
     least = estimate(30, 1000, 15.0, Outputs())
     motion = estimate(30, 1000, 15.0, Outputs(bvh=BvhOutput(fps=60)))
-    clouds = estimate(30, 1000, 15.0, Outputs(ply=CloudOutput(fps=15)))
+    clouds = estimate(30, 1000, 15.0, Outputs(ply=PlyOutput(fps=15)))
     assert 70e6 < motion.bytes - least.bytes < 90e6
     assert 700e6 < clouds.bytes - least.bytes < 800e6
     assert least.seconds < motion.seconds < 10
     some = estimate(30, 1000, 15.0, Outputs(bvh=BvhOutput(fps=60, avatars=(0, 1), frames=(0, 60))))
     assert some.bytes - least.bytes == 650 * 2 * 60
+    hands = estimate(30, 1000, 15.0, Outputs(csv=CsvOutput(fps=15, every=10, joints=("left_hand", "right_hand"))))
+    assert hands.bytes - least.bytes == 30 * 100 * (16 + 2 * 30)
 
 
 def test_a_disk_with_room_is_not_refused(tmp_path: Path) -> None:

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scenes import crowdsim, write_scene
 
-from crowdsim.export import stream
-from crowdsim.export.bvh import BvhSink, export_bvh
+from crowdsim.export import avatar_files, stream
 from crowdsim.export.cloud_files import FIELDS
 from crowdsim.export.pointcloud import CloudSink, export_clouds
 from crowdsim.export.stream import stream_poses
+from crowdsim.outputs.bvh import BvhOutput, export_bvh
 from crowdsim.poses.sampler import PoseSampler
 from crowdsim.preparation.prepare import load_policies
 from crowdsim.runs.runner import run
@@ -155,7 +155,7 @@ def test_velocities_are_how_points_move(sampler: PoseSampler, tmp_path: Path) ->
 
 
 def test_writers_make_no_folders_when_they_are_built(sampler: PoseSampler, tmp_path: Path) -> None:
-    BvhSink(sampler, tmp_path / "bvh", FPS)
+    BvhOutput(fps=FPS).sink(sampler, tmp_path / "bvh")
     CloudSink(sampler, tmp_path / "ply", "ply", FPS, 20)
     TakeWriter(tmp_path / "take.zarr", TakeHeader(sampler.take.cast, 15.0, "test", 3, ()), 1)
     assert not list(tmp_path.iterdir())
@@ -165,7 +165,7 @@ def test_outputs_that_share_poses_have_the_bytes_of_outputs_alone(sampler, tmp_p
     frames = sampler.take.output_frames(FPS)
     (tmp_path / "together").mkdir()
     sinks = [
-        BvhSink(sampler, tmp_path / "together", FPS),
+        BvhOutput(fps=FPS).sink(sampler, tmp_path / "together"),
         CloudSink(sampler, tmp_path / "together", "ply", FPS, 20, (3, frames - 2), 4, [0, 2]),
         CloudSink(sampler, tmp_path / "together", "pcd", FPS, 20, None, 5),
     ]
@@ -186,9 +186,7 @@ def test_outputs_that_share_poses_have_the_bytes_of_outputs_alone(sampler, tmp_p
 
 
 def test_many_avatars_are_written_in_groups(sampler: PoseSampler, tmp_path: Path, monkeypatch) -> None:
-    from crowdsim.export import bvh
-
-    monkeypatch.setattr(bvh, "_FILES_AT_ONCE", 2)
+    monkeypatch.setattr(avatar_files, "_FILES_AT_ONCE", 2)
     result = []
     files = export_bvh(sampler, tmp_path / "groups", FPS, progress=lambda *progress: result.append(progress))
     monkeypatch.undo()
@@ -250,7 +248,7 @@ def test_the_command_exports_what_is_asked_for(workplace: Path, capsys) -> None:
     assert crowdsim("verify", run_folder) == 0
     capsys.readouterr()
     assert crowdsim("export", run_folder) == 2
-    assert capsys.readouterr().err == "nothing to export, expected --bvh, --ply or --pcd\n"
+    assert capsys.readouterr().err == "nothing to export, expected --bvh, --ply, --pcd or --csv\n"
     assert crowdsim("export", run_folder, "--bvh", "--avatars", "2-4") == 2
     assert capsys.readouterr().err == "avatars '2-4': there is no avatar 4, the take has 0 to 3\n"
     assert crowdsim("export", workplace, "--bvh") == 2

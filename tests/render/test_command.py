@@ -6,6 +6,7 @@ from render_sources import Walkers, random_walk
 from test_bvh_figure import SNAKE
 
 from crowdsim.errors import CrowdsimError, TakeError
+from crowdsim.outputs.render import RenderOutput
 from crowdsim.render.batch import render
 from crowdsim.render.command import (
     parse_size,
@@ -14,7 +15,6 @@ from crowdsim.render.command import (
     scenario_options,
 )
 from crowdsim.render.options import RenderOptions
-from crowdsim.scenario.outputs import RenderOutput
 
 SMALL = RenderOptions(size=(64, 48), threads=1)
 

@@ -10,7 +10,7 @@ import pytest
 
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.runs.manifest import EXPORT, Verdict, checksums, read_manifest, signed_manifest, verify, write_manifest
-from crowdsim.runs.stage import Plan, complete, open_stage, write_together
+from crowdsim.runs.stage import Plan, Wanted, complete, open_stage, write_together
 
 
 @pytest.fixture
@@ -86,8 +86,8 @@ def test_any_changed_bit_of_a_manifest_is_found(folder: Path) -> None:
 
 def export(folder: Path, name: str) -> None:
     """Write a file in the place of all BVH files of a run."""
-    plan = Plan({f"bvh/{name}"})
-    with write_together(folder, EXPORT, ["bvh"], {"fps": 30.0}, plan, {"name": name}, folder, ["bvh"]) as writing:
+    wanted = Wanted(EXPORT, {"bvh": {"fps": 30.0}}, Plan({f"bvh/{name}"}), {"name": name}, ["bvh"])
+    with write_together(folder, wanted, folder) as writing:
         (writing.folder / "bvh").mkdir()
         (writing.folder / "bvh" / name).write_text("new")
         assert (folder / "bvh" / "a.bvh").exists()

@@ -16,7 +16,7 @@ from crowdsim.config.files import Finding, find_faults
 from crowdsim.crowd.placement import place_groups
 from crowdsim.errors import ScenarioError, nearest
 from crowdsim.scenario.parts import AGGRESSIONS, GIRTHS, LENGTHS, RANGES, SCALES, SPEEDS, TEMPOS
-from crowdsim.scenario.reference import scenario_reference
+from crowdsim.scenario.reference import scenario_reference, with_outputs
 from crowdsim.scenario.scenario import (
     Scenario,
     dump_scenario,
@@ -120,6 +120,9 @@ def test_the_committed_schema_and_reference_page_are_current():
     committed = (ROOT / "scenarios" / SCHEMA_FILE).read_text(encoding="utf-8")
     assert json.loads(committed) == json.loads(scenario_schema())
     assert (ROOT / "docs/scenarios.md").read_text(encoding="utf-8") == scenario_reference()
+    commands = (ROOT / "docs/commands.md").read_text(encoding="utf-8")
+    assert commands == with_outputs(commands)
+    assert "| `csv` | " in commands
 
 
 def test_every_key_of_the_schema_has_a_meaning():
@@ -265,7 +268,7 @@ def test_a_mistake_is_one_line(old, new, expected):
          ["10:28: outputs.render.camera: is 'tpo', expected 'auto', 'orbit', 'top' or 'side' or a mapping with kind: "
           "'follow' or 'keys' (did you mean 'top'?)"]),
         ("outputs: {png: {}}",
-         ["10:11: outputs.png: unknown key, expected take, bvh, ply, pcd, render or profile"]),
+         ["10:11: outputs.png: unknown key, expected take, bvh, ply, pcd, render, profile or csv"]),
         ("arena: {kind: circle, radius: .inf}", ["10:31: arena.radius: is .inf, expected a finite number"]),
     ],
 )  # fmt: skip

@@ -1,0 +1,61 @@
+"""Outputs of labelled point clouds, one file for each frame."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pydantic import Field
+
+from crowdsim.config.files import Finding
+from crowdsim.export.posed import POSE_SECONDS, PosedOutput, extent_of
+from crowdsim.export.stream import Sink
+from crowdsim.scenario.output import Extent, Series
+
+if TYPE_CHECKING:
+    from crowdsim.poses.sampler import PoseSampler
+
+MAXIMUM_POINTS = 500_000_000
+# Bytes of a point, and seconds that one core takes for it. Measured with the shipped scenarios, rounded up.
+_POINT_BYTES, _POINT_SECONDS = 50.0, 1e-7
+
+
+class CloudOutput(PosedOutput):
+    """Point clouds, one file per frame."""
+
+    kernels = "clouds"
+
+    every: int = Field(default=1, ge=1, le=1_000_000, description="Write every n-th output frame.")
+    points: int = Field(default=500, ge=1, le=100_000, description="Points per avatar.")
+
+    @classmethod
+    def pattern(cls) -> str:
+        """Return the regular expression of the names of its files."""
+        return rf"{cls.name}/\d{{6,}}\.{cls.name}"
+
+    def findings(self, avatars: int) -> Iterator[Finding]:
+        """Yield a finding for each avatar that there is not, and where there are too many points."""
+        yield from super().findings(avatars)
+        points = self.points * len(self.chosen(avatars))
+        if points > MAXIMUM_POINTS:
+            what = f"asks for {points:,} points a frame, expected at most {MAXIMUM_POINTS:,}"
+            yield Finding(("points",), what)
+
+    def files(self, extent: Extent, names: Sequence[str]) -> Iterator[str | Series]:
+        """Yield the names of the clouds, which are numbered by output frame."""
+        yield Series(self.name, range(*self.frames_of(extent), self.every), self.name)
+
+    def cost(self, extent: Extent) -> tuple[float, float]:
+        """Return about how much room its files take [bytes], and how long one core writes them [s]."""
+        bodies = len(self.chosen(extent.avatars)) * self.frame_count(extent) / self.every
+        return _POINT_BYTES * self.points * bodies, (_POINT_SECONDS * self.points + POSE_SECONDS) * bodies
+
+    def sink(self, sampler: PoseSampler, folder: Path, missing: Collection[str] | None = None) -> Sink:
+        """Return what writes clouds, from the first that is missing on."""
+        from crowdsim.export.pointcloud import CloudSink
+
+        first, stop = self.frames_of(extent_of(sampler.take))
+        if missing:
+            first = min(int(Path(name).stem) for name in missing)
+        return CloudSink(sampler, folder, self.name, self.rate, self.points, (first, stop), self.every, self.avatars)

@@ -1,0 +1,151 @@
+"""Outputs that are written from poses: what they have in common, and how those of a take are written together."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import Field
+
+from crowdsim.config.files import Finding
+from crowdsim.config.findings import show
+from crowdsim.core.types import Array, Progress
+from crowdsim.export.stream import Sink, stream_poses
+from crowdsim.files import exists_plain, make_inside
+from crowdsim.scenario.output import Avatars, Extent, Output, Ranged, Series
+
+if TYPE_CHECKING:
+    from crowdsim.crowd.record import TakeData
+    from crowdsim.policy.policy import Policy
+    from crowdsim.poses.sampler import PoseSampler
+    from crowdsim.take.take import Take
+
+POSE_SECONDS = 25e-6
+"""About how long one core takes to pose an avatar at a time and to write that [s]."""
+
+
+@dataclass(frozen=True)
+class FinishedTake:
+    """A take that is finished, and where its outputs go.
+
+    Attributes:
+        take: The take.
+        policies: Its policies.
+        folder: The folder of its outputs.
+        threads: Threads.
+        progress: Called with stage, done and total.
+        arena: The arena of its scenario (``crowd.cast.pack_arena``). Shape (5,).
+        timings: What control cost where that was measured. Shape (frames, 6), int64 [ns].
+    """
+
+    take: Take
+    policies: Sequence[Policy]
+    folder: Path
+    threads: int = 1
+    progress: Progress | None = None
+    arena: Array | None = None
+    timings: Array | None = None
+
+    @property
+    def extent(self) -> Extent:
+        """How much there is of the take."""
+        return extent_of(self.take)
+
+
+def extent_of(take: TakeData) -> Extent:
+    """Return how much there is of a take."""
+    return Extent(take.avatar_count, take.frame_count, take.control_rate)
+
+
+class PosedOutput(Ranged):
+    """An output that is written from poses; its files lie in a folder of its name, and ``export`` has an option for it.
+
+    A subclass names its ``files`` and gives the ``sink`` that writes those that are missing.
+    """
+
+    avatars: Avatars | None = Field(
+        default=None, description="Numbers of the avatars to write, from 0; without it all."
+    )
+
+    def sink(self, sampler: PoseSampler, folder: Path, missing: Collection[str] | None = None) -> Sink:
+        """Return what writes files from the poses of a take into the folder of its name.
+
+        Args:
+            sampler: The poses.
+            folder: The folder.
+            missing: Names of the files, as ``files`` gives them; all when None.
+        """
+        raise NotImplementedError
+
+    def chosen(self, count: int) -> Sequence[int]:
+        """Return the numbers of its avatars, ascending, of ``count`` that there are."""
+        return range(count) if self.avatars is None else sorted(set(self.avatars))
+
+    def findings(self, avatars: int) -> Iterator[Finding]:
+        """Yield a finding for each avatar that there is not."""
+        for i, avatar in enumerate(self.avatars or ()):
+            if avatar >= avatars:
+                yield Finding(("avatars", i), f"{show(avatar)}, expected an avatar from 0 to {avatars - 1}")
+
+    def within(self, extent: Extent) -> PosedOutput:
+        """Return it with the frames that a take has of those that it asks for."""
+        return self.model_copy(update={"frames": self.frames_of(extent)})
+
+    def command(self, run: str) -> list[str]:
+        """Return the words of the command that writes it from a finished run."""
+        words = ["crowdsim", "export", run, f"--{self.name}", "--threads", "1"]
+        for key, value in self:
+            if value is not None:
+                words += [f"--{key}", _option_text(key, value)]
+        return words
+
+
+def _option_text(key: str, value: Any) -> str:
+    if isinstance(value, tuple):
+        return (":" if key == "frames" else ",").join(map(str, value))
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def file_names(output: Output, extent: Extent, names: Sequence[str]) -> list[str]:
+    """Return the names of all files of an output, each by itself, in their order."""
+    found: list[str] = []
+    for one in output.files(extent, names):
+        found += one.names() if isinstance(one, Series) else [one]
+    return found
+
+
+def write_posed(
+    sampler: PoseSampler,
+    folder: Path,
+    outputs: Iterable[PosedOutput],
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> dict[str, list[Path]]:
+    """Write what is missing of outputs into a folder; return all files of each. Those at one rate share poses.
+
+    Args:
+        sampler: Poses of the take.
+        folder: The folder, in which each output has a folder of its name.
+        outputs: The outputs.
+        threads: Threads that write.
+        progress: Called with what is written, how many files are done and how many there are.
+
+    Raises:
+        OutputError: A file cannot be written.
+        RunError: A library that an output needs cannot be loaded.
+    """
+    extent, names = extent_of(sampler.take), sampler.take.cast.names.tolist()
+    planned: dict[str, list[str]] = {}
+    rates: dict[float, list[Sink]] = {}
+    for output in outputs:
+        place = make_inside(folder, output.name)
+        planned[output.name] = file_names(output, extent, names)
+        missing = {name for name in planned[output.name] if not exists_plain(folder, name)}
+        if missing:
+            rates.setdefault(output.rate, []).append(output.sink(sampler, place, missing))
+    for fps, sinks in rates.items():
+        stream_poses(sampler, fps, sinks, threads, progress)
+    # Avatars that never came have no file.
+    return {kind: [folder / name for name in found if exists_plain(folder, name)] for kind, found in planned.items()}

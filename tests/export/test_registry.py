@@ -1,0 +1,140 @@
+"""Another output is another file, and nothing else: one that is put beside the others in a process of its own."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import write_scene
+
+from crowdsim.runs.opening import open_run
+from crowdsim.scenario.output import Extent, Output
+from crowdsim.scenario.outputs import REGISTRY
+
+ONE_FILE = '''
+"""Bodies of all avatars in one file: skeletons, colours and poses, as formats of scenes have them."""
+
+import json
+
+import numpy as np
+
+from crowdsim.export.posed import PosedOutput, extent_of
+
+
+class BodiesOutput(PosedOutput):
+    """Bodies of all avatars as one JSON file."""
+
+    name = "bodies"
+    about = "Bodies of all avatars as one JSON file."
+    kernels = "bvh"
+
+    digits: int = 3
+
+    @classmethod
+    def pattern(cls):
+        return r"bodies/take\\.json"
+
+    def files(self, extent, names):
+        yield "bodies/take.json"
+
+    def cost(self, extent):
+        return 1000.0 * self.frame_count(extent), 1.0
+
+    def sink(self, sampler, folder, missing=None):
+        return Sink(self, sampler, folder / "take.json")
+
+
+class Sink:
+    kind, margin, reads_joints, total, done = "bodies", 0, False, 1, 0
+
+    def __init__(self, output, sampler, path):
+        self.output, self.path, self.cast = output, path, sampler.take.cast
+        self.start, self.stop = output.frames_of(extent_of(sampler.take))
+        self.avatars = np.array(output.chosen(len(self.cast.names)))
+        self.rows = []
+
+    def split(self, most):
+        return [self]
+
+    def write(self, block, pool):
+        for frame in range(block.first_output, block.stop_output):
+            for poses in block.poses:
+                at = poses.at(frame - block.first)
+                self.rows.append([at.root_positions[0].round(self.output.digits).tolist(), list(poses.skeleton.names)])
+
+    def close(self):
+        colours = np.nan_to_num(self.cast.colours[self.cast.types[self.avatars]], nan=-1).tolist()
+        self.path.write_text(json.dumps({"colours": colours, "frames": self.rows}))
+        return [self.path]
+
+    def abandon(self):
+        pass
+
+
+OUTPUT = BodiesOutput
+'''
+PROGRAM = "import crowdsim.outputs; crowdsim.outputs.__path__.append('more'); from crowdsim.cli import main; main()"
+
+
+def crowdsim(*words: str) -> subprocess.CompletedProcess[str]:
+    """Run a command with the output beside the others."""
+    command = [sys.executable, "-c", PROGRAM, *words]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+
+
+def test_an_output_that_is_one_more_file_is_written_exported_checked_and_described(workplace: Path) -> None:
+    (workplace / "more").mkdir()
+    (workplace / "more" / "bodies.py").write_text(ONE_FILE)
+    scene = write_scene(workplace / "four.yaml", outputs={"bodies": {"fps": 15, "frames": [0, 4], "avatars": [0, 9]}})
+    wrong = crowdsim("validate", str(scene))
+    assert wrong.returncode == 2
+    assert "outputs.bodies.avatars[1]: is 9, expected an avatar from 0 to 3" in wrong.stderr
+    write_scene(scene, outputs={"bodies": {"fps": 15, "frames": [0, 4], "avatars": [0, 2]}})
+    done = crowdsim("run", "four.yaml", "--out", "run")
+    assert done.returncode == 0, done.stderr
+    assert "bodies          run/bodies (1 file, " in done.stdout
+    held = json.loads((workplace / "run" / "bodies" / "take.json").read_text())
+    assert (len(held["colours"]), len(held["frames"])) == (2, 4)
+    opened = open_run_without(workplace / "run")
+    np.testing.assert_allclose(held["frames"][3][0][1], opened.joints(2, 0.2)[0], atol=6e-4)
+    status = json.loads(crowdsim("status", "run", "--json").stdout)
+    assert status["run"]["outputs"] == {"bodies": {"done": 1, "planned": 1}}
+    assert crowdsim("verify", "run").returncode == 0
+    again = crowdsim("export", "run", "--bodies", "--fps", "30", "--digits", "1", "--out", "again")
+    assert again.returncode == 0, again.stderr
+    assert len(json.loads((workplace / "again" / "bodies" / "take.json").read_text())["frames"]) == 79
+    help_text = crowdsim("export", "--help").stdout
+    assert "Bodies of all avatars as one JSON file." in help_text
+    assert "--digits N" in help_text
+    assert '"BodiesOutput"' in crowdsim("schema").stdout
+    plan = crowdsim("batch", "four.yaml", "--seeds", "0:2", "--dry-run")
+    assert plan.returncode == 0, plan.stderr
+
+
+def open_run_without(folder: Path):
+    """Return a run, whose manifest lists a file that this process knows nothing of."""
+    manifest = folder / "manifest.json"
+    kept = manifest.read_bytes()
+    manifest.unlink()
+    try:
+        return open_run(folder)
+    finally:
+        manifest.write_bytes(kept)
+
+
+@pytest.mark.parametrize("output", REGISTRY.values(), ids=list(REGISTRY))
+def test_every_output_names_its_files_as_manifests_know_them(output: type[Output]) -> None:
+    import re
+
+    from crowdsim.export.posed import file_names
+    from crowdsim.runs.manifest import is_written
+
+    names = file_names(output().resolved(30.0), Extent(3, 40, 15.0), ["a", "b", "c"])
+    assert bool(names) != output.always
+    assert all(is_written(name) for name in names)
+    assert all(re.fullmatch(output.pattern(), name) for name in names)
+    assert output.about.endswith(".")
+    size, seconds = output().cost(Extent(3, 40, 15.0))
+    assert (size > 0) == (seconds > 0) == output.from_take
