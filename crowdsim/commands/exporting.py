@@ -38,13 +38,13 @@ def export(
     kinds = [kind for kind in EXPORTS if options.pop(kind)]
     target = out or (folder.with_suffix("") if folder.is_file() else folder)
     with opened_run(folder) as unpacked:
-        take, policies, notes = open_run(unpacked)
-        for line in notes:
+        run = open_run(unpacked)
+        for line in run.notes:
             note(line)
-        outputs = choose_outputs(take, kinds, fps, frames, avatars, **options)
+        outputs = choose_outputs(run, kinds, fps, frames, avatars, **options)
         uses = list(dict.fromkeys(output.kernels for output in outputs))
         with Bars() as bars, watch_compilation(bars.note, uses, threads):
-            written = export_take(unpacked, take, policies, outputs, target, threads, bars, force)
+            written = export_take(unpacked, run, run.policies, outputs, target, threads, bars, force)
     for kind, files in written.items():
         size = sum(path.stat().st_size for path in files)
         say(f"{target / kind}: {len(files):,} file{'s' if len(files) > 1 else ''}, {size_text(size)}")
