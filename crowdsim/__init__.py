@@ -34,6 +34,8 @@ _LAZY = {
     "PoseSampler": "crowdsim.poses.sampler",
     "build_scenario": "crowdsim.scenario.scenario",
     "draw_crowd": "crowdsim.crowd.draw",
+    "export_bvh": "crowdsim.outputs.bvh",
+    "export_clouds": "crowdsim.export.pointcloud",
     "load_policies": "crowdsim.preparation.prepare",
     "load_policy": "crowdsim.policy.bundle",
     "load_recipe": "crowdsim.training.recipe",

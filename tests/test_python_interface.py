@@ -164,7 +164,7 @@ def test_the_guide_names_every_public_name() -> None:
 def test_joints_are_those_of_the_pose_sampler(take: Take) -> None:
     poses = PoseSampler(take, take.policies).sample(100, 140, 60, np.array([2]))[0]
     expected = poses.joints()[0][:, 0]
-    report = take.joints(avatar=2, times=np.arange(100, 140) / 60)
+    report = take.joints(avatar=2, seconds=np.arange(100, 140) / 60)
     assert report.dtype == np.float32
     np.testing.assert_allclose(report, expected, atol=1e-5)
     np.testing.assert_array_equal(take.joints(2, 120 / 60), take.joints(2, [120 / 60])[0])
@@ -196,7 +196,7 @@ def test_avatars_and_times_may_be_text(take: Take) -> None:
     several = take.joints(["red_1", 3], "1s:2s")
     assert several.shape == (15, 2, len(take.joint_names(0)), 3)
     np.testing.assert_array_equal(several[:, 1], take.joints(3, np.arange(15, 30) / 15))
-    np.testing.assert_array_equal(take.joints(times=["2s", 3.0])[0, 3], expected)
+    np.testing.assert_array_equal(take.joints(seconds=["2s", 3.0])[0, 3], expected)
     np.testing.assert_array_equal(take.joints("blue_1")[30], expected)
     np.testing.assert_array_equal(take.times(None), np.arange(120) / 15)
     sampled = take.sampler.sample(60, 62, 30, ["red_1", "blue_0"])[0]

@@ -40,6 +40,11 @@ class RecordedRun(Take):
         """Return the run of a take; ``more`` are further fields."""
         return cls(**{**{one.name: getattr(take, one.name) for one in fields(take)}, **more})
 
+    @property
+    def take(self) -> RecordedRun:
+        """The take, which is the run itself."""
+        return self
+
     def export(
         self,
         kinds: str | Sequence[str],

@@ -99,16 +99,16 @@ class Take(TakeData):
             return [self._read_times(time) for time in times]
         return times
 
-    def joints(self, avatar: int | str | Sequence[int | str] | None = None, times: ArrayLike | None = None) -> Array:
+    def joints(self, avatar: int | str | Sequence[int | str] | None = None, seconds: ArrayLike | None = None) -> Array:
         """Return where joints of avatars are, as exported and rendered: blends, planted feet, strikes and all.
 
         Args:
             avatar: Number or name of an avatar, or several of them, which need policies with as many joints; all when
                 None.
-            times: One time or several, see ``times``; those of all control frames when None.
+            seconds: One time or several, see ``times``; those of all control frames when None.
 
         Returns:
-            Positions in the world [m]; NaN while an avatar is absent. The axes are those of ``times``, of avatars
+            Positions in the world [m]; NaN while an avatar is absent. The axes are those of ``seconds``, of avatars
             where they are several, of joints, named by ``joint_names``, and x, y, z: (J, 3) for one avatar at one
             time, (T, J, 3) at several, (T, n, J, 3) for several avatars. float32.
 
@@ -117,7 +117,7 @@ class Take(TakeData):
                 its policies.
         """
         one = isinstance(avatar, str) or (avatar is not None and np.ndim(avatar) == 0)
-        numbers, when = self.cast.numbers(avatar), self.times(times)
+        numbers, when = self.cast.numbers(avatar), self.times(seconds)
         counts = {len(self.joint_names(int(number))) for number in numbers}
         if len(counts) > 1:
             raise TakeError(
