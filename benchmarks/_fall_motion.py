@@ -13,9 +13,9 @@ from _transition_windows import made, without_strikes
 
 from crowdsim.core.types import Array
 from crowdsim.policy.policy import Policy
+from crowdsim.poses.sampler import PoseSampler
 from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
-from crowdsim.poses.sampler import PoseSampler
 
 ON_FLOOR = 0.03
 """Height of the ball of a foot under which it is on the floor [m]."""

@@ -15,9 +15,9 @@ from _transition_windows import made, without_strikes
 from crowdsim.core.types import Array
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy.policy import Policy
+from crowdsim.poses.sampler import PoseSampler
 from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
-from crowdsim.poses.sampler import PoseSampler
 
 ROUND = 6.0
 """Seconds that avatars fight, and rest, in turns."""

@@ -43,9 +43,9 @@ import _reaction_time
 import numpy as np
 from _quick import small_policies
 
+from crowdsim.poses.sampler import PoseSampler
 from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
-from crowdsim.poses.sampler import PoseSampler
 from crowdsim.take.take import Take
 from crowdsim.training.train import ready_policy
 

@@ -53,9 +53,9 @@ from _transition_judge import NOISE, judge, mean_of
 from _transition_windows import alone, made, usable, without_strikes
 
 from crowdsim.policy.policy import Policy
+from crowdsim.poses.sampler import PoseSampler
 from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
-from crowdsim.poses.sampler import PoseSampler
 from crowdsim.take.take import Take
 from crowdsim.training.train import ready_policy
 

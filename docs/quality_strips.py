@@ -18,12 +18,12 @@ import numpy as np
 from PIL import Image
 
 from crowdsim.core.types import Array
+from crowdsim.poses.sampler import Poses, PoseSampler
 from crowdsim.render.caption import draw_caption
 from crowdsim.render.raycast import draw, sun_direction
 from crowdsim.render.scene import build_cast
 from crowdsim.render.view import look_at
 from crowdsim.runs.opening import open_run
-from crowdsim.poses.sampler import Poses, PoseSampler
 
 FPS = 60.0
 STEPS, WIDE_STEPS = np.arange(-12, 13, 3), np.arange(-28, 29, 7)

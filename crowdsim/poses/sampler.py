@@ -170,9 +170,9 @@ class PoseSampler:
         if len(times):
             self._look_for_buried(float(times[0]), float(times[-1]))
         if without not in self._posers:
-            whole = self._posers[NOTHING]
-            self._posers[without] = Poser(self.take, self.motions, self._threads, self._reactions, without, whole)
-            self._posers[without].landed = whole.landed
+            made = Poser(self.take, self.motions, self._threads, self._reactions, without, self.poser)
+            made.landed = self.poser.landed
+            self._posers[without] = made
         return self._gathered(numbers, times, self._posers[without].sample(numbers, times))
 
     def captured(self, start: int, stop: int, fps: float, avatars: Array | None = None) -> list[Poses]:
@@ -182,7 +182,12 @@ class PoseSampler:
         """
         numbers = np.arange(self.take.avatar_count) if avatars is None else np.asarray(avatars)
         times = np.arange(start, stop) / fps
-        return self._gathered(numbers, times, self._posers[NOTHING].captured(numbers, times))
+        return self._gathered(numbers, times, self.poser.captured(numbers, times))
+
+    @property
+    def poser(self) -> Poser:
+        """What poses avatars with all layers."""
+        return self._posers[NOTHING]
 
     def _gathered(self, numbers: Array, times: Array, blocks: Iterator[Block]) -> list[Poses]:
         """Return poses of avatars (n,) at times (T,), policy by policy, with what there is to know of their bodies."""
@@ -252,12 +257,12 @@ class PoseSampler:
 
     def window(self, index: int, avatars: Array, times: Array) -> Window:
         """Return the stretch of the take that poses of a policy's avatars (n,), ascending, at times [s] depend on."""
-        return self._posers[NOTHING].window(index, avatars, times)
+        return self.poser.window(index, avatars, times)
 
     def _placed(self, avatars: Array, times: Array) -> Iterator[tuple[Array, PoseMotion, Array, Playback]]:
         """Return where avatars (E,) are at times (E,): which of them, their motion, sizes of bones and playback."""
-        for which, policy, numbers, moments in self._posers[NOTHING].moments(avatars, times):
-            window = self._posers[NOTHING].window(policy, numbers, moments.times, 0.0)
+        for which, policy, numbers, moments in self.poser.moments(avatars, times):
+            window = self.poser.window(policy, numbers, moments.times, 0.0)
             yield which, window.motion, window.rows.sizes[moments.columns], window.playback(moments)
 
     def moments(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
@@ -269,4 +274,4 @@ class PoseSampler:
         """
         if len(times):
             self._look_for_buried(float(times.min()), float(times.max()))
-        return self._posers[NOTHING].shown(avatars, times)
+        return self.poser.shown(avatars, times)

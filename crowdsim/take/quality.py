@@ -13,9 +13,9 @@ from crowdsim.crowd.events import OUTCOMES
 from crowdsim.crowd.kernels.layout import LANDED
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.poses.contacts import body_points, surface_point
 from crowdsim.poses.kernels.records import Moments, Steps, Transitions
 from crowdsim.poses.kernels.steps import STEP
-from crowdsim.poses.layers.fists import body_points, surface_point
 from crowdsim.poses.sampler import Poses, PoseSampler
 from crowdsim.take.measures import measure_fights
 from crowdsim.take.penetration import measure_penetration
@@ -102,7 +102,7 @@ def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, floa
         balls = _balls(sampler, poses, positions, rotations)
         transitions = window.transitions
         planted = motion.contacts[now] & motion.contacts[later] & (frames >= 0)[..., None]
-        planted &= ~_stepping(transitions, window.steps(transitions, window.foot_plants), times, len(poses.avatars))
+        planted &= ~_stepping(transitions, window.steps, times, len(poses.avatars))
         speeds = np.linalg.norm(np.diff(balls, axis=0), axis=-1) * rate
         slides.append(speeds[planted[1:] & planted[:-1]])
         positions = positions[:, :, motion.joints]

@@ -12,11 +12,11 @@ from crowdsim.export.bvh import BvhSink, export_bvh
 from crowdsim.export.cloud_files import FIELDS
 from crowdsim.export.pointcloud import CloudSink, export_clouds
 from crowdsim.export.stream import stream_poses
+from crowdsim.poses.sampler import PoseSampler
 from crowdsim.preparation.prepare import load_policies
 from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.header import TakeHeader
-from crowdsim.poses.sampler import PoseSampler
 from crowdsim.take.store import TakeWriter
 
 FPS = 30.0

@@ -24,13 +24,13 @@ from crowdsim.policy.bundle import map_arrays, read_document
 from crowdsim.policy.document import PolicyDocument
 from crowdsim.policy.flattening import assemble_policy, check_flattened
 from crowdsim.policy.policy import Policy
-from crowdsim.take import checks
 from crowdsim.poses.known_actions import with_known_actions
+from crowdsim.poses.sampler import PoseSampler
+from crowdsim.take import checks
 from crowdsim.take.header import TakeHeader
 from crowdsim.take.layout import CAST
 from crowdsim.take.memory import TakeCollector
 from crowdsim.take.metadata import TakeAttributes, read_metadata
-from crowdsim.poses.sampler import PoseSampler
 from crowdsim.take.store import open_take
 from crowdsim.take.take import VARIABLES, Cast, Events, Take
 

@@ -9,11 +9,11 @@ import yaml
 import crowdsim
 from crowdsim.crowd.stances import leading_feet
 from crowdsim.motion.body import PARTS
-from crowdsim.scenario.scenario import load_scenario
 from crowdsim.poses.builds import capsule_segments
 from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules
-from crowdsim.take.population_metrics import measure_people
 from crowdsim.poses.sampler import PoseSampler
+from crowdsim.scenario.scenario import load_scenario
+from crowdsim.take.population_metrics import measure_people
 from crowdsim.take.quality import measure_take
 
 SCENARIO = {

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scenes import crowdsim, write_scene
 
+from crowdsim.poses.sampler import PoseSampler
 from crowdsim.runs.opening import open_run
 from crowdsim.take.hits_plot import build_silhouette, find_hits, hit_figure
 from crowdsim.take.plots import action_figure, distance_figure
-from crowdsim.poses.sampler import PoseSampler
 
 
 @pytest.fixture

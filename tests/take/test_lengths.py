@@ -9,13 +9,13 @@ from synthetic_take import actions, build_take, database, sampler
 
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.render.figure import bone_capsules
-from crowdsim.render.scene import build_cast
 from crowdsim.poses.builds import build_skeleton, capsule_segments, joint_segments
 from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules
 from crowdsim.poses.kernels.columns import ARM, LEG, TRUNK
 from crowdsim.poses.motion import leg_reaches
 from crowdsim.poses.sampler import Poses, PoseSampler
+from crowdsim.render.figure import bone_capsules
+from crowdsim.render.scene import build_cast
 
 LEGS, ARMS = np.array([1.0, 0.9, 1.1, 1.0]), np.array([1.0, 1.1, 0.9, 1.0])
 SCALES = [1.0, 0.95, 1.05, 1.1]

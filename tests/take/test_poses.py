@@ -13,7 +13,7 @@ from crowdsim.errors import TakeError
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.limbs import flexion
-from crowdsim.poses.layers.fists import body_points, surface_point
+from crowdsim.poses.contacts import body_points, surface_point
 from crowdsim.poses.kernels.records import Moments
 from crowdsim.poses.kernels.steps import STEP
 from crowdsim.poses.sampler import Poses, PoseSampler

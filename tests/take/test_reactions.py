@@ -9,8 +9,8 @@ from take.synthetic_take import actions, build_take, database
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.poses.kernels.columns import HEAD, TORSO
 from crowdsim.poses.kernels.reactions import LEAST, LENGTH, MOST, RISE, Blows, strengthen
-from crowdsim.poses.motion import prepare_motion
 from crowdsim.poses.layers.reactions import build_trunk
+from crowdsim.poses.motion import prepare_motion
 
 
 def blows(times: list[float], ways: list[float], strengths: list[float]) -> Blows:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.ndimage import correlate1d
 
@@ -19,11 +17,8 @@ from crowdsim.poses.kernels.deflection import MovingLimbs, deflect_limbs
 from crowdsim.poses.kernels.limb_bounds import LIMBS
 from crowdsim.poses.kernels.limb_moves import END, MOVED
 from crowdsim.poses.kernels.records import Offsets, Posed
-from crowdsim.poses.layer import Block, Part, Reader
+from crowdsim.poses.layer import Block, Part, Reader, Scheduler
 from crowdsim.poses.neighbours import near_avatars
-
-if TYPE_CHECKING:
-    from crowdsim.poses.poser import Poser
 
 _LANDS = 0.1
 """Time around a strike that lands in which the fist may be in what it hits [s]."""
@@ -57,7 +52,7 @@ class Deflection(Reader):
     hops = 0
     planted = 0.3
 
-    def __init__(self, poser: Poser) -> None:
+    def __init__(self, poser: Scheduler) -> None:
         super().__init__(poser)
         take = poser.take
         self._riding = [ride_along(motion) for motion in poser.motions]
