@@ -167,8 +167,7 @@ class PoseSampler:
         """
         numbers = np.arange(self.take.avatar_count) if avatars is None else np.asarray(avatars)
         times = np.arange(start, stop) / fps
-        if len(times):
-            self._look_for_buried(float(times[0]), float(times[-1]))
+        self.expect(times)
         if without not in self._posers:
             made = Poser(self.take, self.motions, self._threads, self._reactions, without, self.poser)
             made.landed = self.poser.landed
@@ -222,10 +221,14 @@ class PoseSampler:
         action = np.asarray(self.take.action[int(control[0]) : int(control[-1]) + 1, avatar])
         return int(np.count_nonzero(action[control - control[0]] >= 0))
 
-    def _look_for_buried(self, first: float, last: float) -> None:
-        """Find strikes around a range of times [s] that miss avatars because they are too deep in them."""
-        blocks = range(max(0, int((first - _AROUND) // _BLOCK)), int((last + _AROUND) // _BLOCK) + 1)
-        fresh = [block for block in blocks if block not in self._searched]
+    def expect(self, times: Array) -> None:
+        """Find strikes around times [s] that miss avatars because they are too deep in them.
+
+        Poses at these times do so too; this is for many stretches at once.
+        """
+        ends = np.concatenate([times - _AROUND, times + _AROUND]) // _BLOCK
+        blocks = set(np.unique(np.maximum(ends, 0.0)).astype(int).tolist())
+        fresh = sorted(blocks - self._searched)
         self._searched.update(fresh)
         if any([self._mark_buried(block * _BLOCK, (block + 1) * _BLOCK) for block in fresh]):
             landed = find_landed(self.take, self._buried)
@@ -272,6 +275,5 @@ class PoseSampler:
             For each policy which of them are its own (n,), its body, their sizes (n,), positions (n, J, 3) [m] and
             rotations (n, J, 4) of joints in the world.
         """
-        if len(times):
-            self._look_for_buried(float(times.min()), float(times.max()))
+        self.expect(times)
         return self.poser.shown(avatars, times)
