@@ -13,7 +13,7 @@ from scenes import crowdsim, scene, write_scene
 import crowdsim as package
 from crowdsim.bvh.io import from_clip, write_bvh
 from crowdsim.policy.bundle import load_policy
-from crowdsim.poses.layers.fists import body_points
+from crowdsim.poses.contacts import body_points
 from crowdsim.take.quality import measure_take
 from crowdsim.training.survey import survey_capture
 

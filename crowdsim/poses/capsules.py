@@ -57,7 +57,9 @@ def place_capsules(bodies: Iterable[PosedBodies], times: int, count: int, thread
     """Return the capsules of avatars at ``times`` times in ``count`` columns, those of each in ``capsule_order``."""
     bodies = list(bodies)
     most = max((len(posed.body.capsule_joints) for posed in bodies), default=0)
-    ends = np.full((2, times, count, most, 3), np.nan, np.float32)
+    whole = sum(len(posed.columns) for posed in bodies if len(posed.body.capsule_joints) == most) == count
+    shape = 2, times, count, most, 3
+    ends = np.empty(shape, np.float32) if whole else np.full(shape, np.nan, np.float32)
     radii, bounds, counts = np.zeros((count, most, 2)), np.zeros((count, most)), np.zeros(count, np.int64)
     for posed in bodies:
         body, columns, scales = posed.body, posed.columns, posed.scales

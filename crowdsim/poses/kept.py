@@ -73,7 +73,7 @@ class Kept:
         if self.frames <= self._most:
             first, stop = 0, self.frames
         elif low >= before:
-            first, stop = min(low, max(before if until else low, high - self._most)), high
+            first, stop = (low if low > until else min(low, max(before, high - self._most))), high
         else:
             first, stop = low, max(high, min(until, low + self._most))
         values = np.zeros((stop - first, *self._values.shape[1:]), np.float32)

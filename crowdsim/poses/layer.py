@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.crowd.record import TakeData
+from crowdsim.motion.body import Body
+from crowdsim.poses.hits import Landed
 from crowdsim.poses.kernels.records import Moments, Playback, Posed
+from crowdsim.poses.motion import PoseMotion
 from crowdsim.poses.window import Window
 
-if TYPE_CHECKING:
-    from crowdsim.poses.poser import Poser
-
+Joints = tuple[Array, Body, Array, Array, Array]
+"""Joints of some of the avatars asked for: which of them (n,), body, sizes (n,), positions (n, J, 3) [m] and rotations
+(n, J, 4) in the world."""
 EVERYWHERE = 1_000
 """Hops of a layer that counts however far away an avatar is."""
 
@@ -59,6 +64,24 @@ class Part:
         return part
 
 
+class Scheduler(Protocol):
+    """What layers ask for: the take, and poses of others; see ``poser.Poser``."""
+
+    take: TakeData
+    motions: Sequence[PoseMotion]
+    threads: int
+    reactions: bool
+    landed: Landed
+
+    def joints(self, avatars: Array, times: Array, through: str = "", hops: int = 0) -> list[Joints]:
+        """Return joints of avatars (E,) at times (E,), each at its own, with the layers up to one of them."""
+
+    def stretch(
+        self, avatars: Array, times: Array, through: str = "", hops: int = 0, without: tuple[str, ...] = ()
+    ) -> Iterator[Block]:
+        """Pose avatars (n,), ascending, at the same times (T,), some at once, with the layers up to one of them."""
+
+
 class Layer:
     """Something that is added to poses.
 
@@ -79,7 +102,7 @@ class Layer:
     hops: ClassVar[int] = EVERYWHERE
     size: ClassVar[float] = math.inf
 
-    def __init__(self, poser: Poser) -> None:
+    def __init__(self, poser: Scheduler) -> None:
         self.poser = poser
 
     def prepare(self, avatars: Array, first: float, last: float) -> None:

@@ -10,15 +10,17 @@ from crowdsim.crowd.record import TakeData
 
 TOUCH = 3.1
 """Distance on the ground beyond which no two avatars touch [m]."""
+_FEW = 64
+"""So many avatars are not looked through."""
 
 
 def near_avatars(take: TakeData, avatars: Array, first: int, stop: int) -> Array:
-    """Return avatars that are near some of others (n,) at any of control frames ``first`` to ``stop``, and these.
+    """Return these avatars (n,) and all that are near one at any of control frames ``first`` to ``stop``, ascending.
 
-    Ascending.
+    There may be others among them.
     """
-    if len(avatars) == take.avatar_count:
-        return avatars
+    if len(avatars) == take.avatar_count or take.avatar_count <= _FEW:
+        return np.arange(take.avatar_count)
     places = np.stack([np.asarray(values[first:stop], dtype=float) for values in (take.x, take.z)], -1)
     places[np.asarray(take.action[first:stop]) < 0] = np.nan
     near = np.zeros(take.avatar_count, bool)

@@ -12,19 +12,14 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.record import TakeData
-from crowdsim.motion.body import Body
 from crowdsim.poses.hits import Landed, find_landed
 from crowdsim.poses.kernels.records import Moments, Posed
-from crowdsim.poses.layer import Block, Layer, Part, Reader
+from crowdsim.poses.layer import Block, Joints, Layer, Part, Reader
 from crowdsim.poses.layers import LAYERS
 from crowdsim.poses.layers.blend import Blend
 from crowdsim.poses.motion import PoseMotion
 from crowdsim.poses.neighbours import near_avatars, tiles
 from crowdsim.poses.window import Window
-
-Joints = tuple[Array, Body, Array, Array, Array]
-"""Joints of some of the avatars asked for: which of them (n,), body, sizes (n,), positions (n, J, 3) [m] and rotations
-(n, J, 4) in the world."""
 
 POSES_AT_ONCE, _TOGETHER = 32_000, 600_000
 """Most poses that layers work on at once, and most whose neighbours are posed with them at once."""
@@ -76,8 +71,9 @@ class Poser:
             last = max((self._places[need] for need in layer.needs), default=-1)
             for other in self.layers:
                 if other != name and self._places[other] <= last:
-                    ways = zip(self._read[other], self._read[name], layer.looks, strict=True)
-                    self._read[other] = tuple(max(known, on + more) for known, on, more in ways)
+                    before, after = (on + more for on, more in zip(self._read[name], layer.looks, strict=True))
+                    known = self._read[other]
+                    self._read[other] = max(known[0], before), max(known[1], after)
 
     def part(
         self,
@@ -146,7 +142,8 @@ class Poser:
         found, stretches = [], np.floor(times / _STRETCH)
         for stretch in np.unique(stretches):
             some = np.flatnonzero(stretches == stretch)
-            found += [(some[which], *rest) for which, *rest in self.joints(avatars[some], times[some])]
+            for which, body, scales, positions, rotations in self.joints(avatars[some], times[some]):
+                found.append((some[which], body, scales, positions, rotations))
         return found
 
     def stretch(

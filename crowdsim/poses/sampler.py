@@ -168,12 +168,11 @@ class PoseSampler:
         """
         numbers = self.take.cast.numbers(avatars)
         times = np.arange(start, stop) / fps
-        if len(times):
-            self._look_for_buried(float(times[0]), float(times[-1]))
+        self.expect(times)
         if without not in self._posers:
-            whole = self._posers[NOTHING]
-            self._posers[without] = Poser(self.take, self.motions, self._threads, self._reactions, without, whole)
-            self._posers[without].landed = whole.landed
+            made = Poser(self.take, self.motions, self._threads, self._reactions, without, self.poser)
+            made.landed = self.poser.landed
+            self._posers[without] = made
         return self._gathered(numbers, times, self._posers[without].sample(numbers, times))
 
     def captured(self, start: int, stop: int, fps: float, avatars: ArrayLike | None = None) -> list[Poses]:
@@ -183,7 +182,12 @@ class PoseSampler:
         """
         numbers = self.take.cast.numbers(avatars)
         times = np.arange(start, stop) / fps
-        return self._gathered(numbers, times, self._posers[NOTHING].captured(numbers, times))
+        return self._gathered(numbers, times, self.poser.captured(numbers, times))
+
+    @property
+    def poser(self) -> Poser:
+        """What poses avatars with all layers."""
+        return self._posers[NOTHING]
 
     def _gathered(self, numbers: Array, times: Array, blocks: Iterator[Block]) -> list[Poses]:
         """Return poses of avatars (n,) at times (T,), policy by policy, with what there is to know of their bodies."""
@@ -218,10 +222,14 @@ class PoseSampler:
         action = np.asarray(self.take.action[int(control[0]) : int(control[-1]) + 1, avatar])
         return int(np.count_nonzero(action[control - control[0]] >= 0))
 
-    def _look_for_buried(self, first: float, last: float) -> None:
-        """Find strikes around a range of times [s] that miss avatars because they are too deep in them."""
-        blocks = range(max(0, int((first - _AROUND) // _BLOCK)), int((last + _AROUND) // _BLOCK) + 1)
-        fresh = [block for block in blocks if block not in self._searched]
+    def expect(self, times: Array) -> None:
+        """Find strikes around times [s] that miss avatars because they are too deep in them.
+
+        Poses at these times do so too; this is for many stretches at once.
+        """
+        ends = np.concatenate([times - _AROUND, times + _AROUND]) // _BLOCK
+        blocks = set(np.unique(np.maximum(ends, 0.0)).astype(int).tolist())
+        fresh = sorted(blocks - self._searched)
         self._searched.update(fresh)
         if any([self._mark_buried(block * _BLOCK, (block + 1) * _BLOCK) for block in fresh]):
             landed = find_landed(self.take, self._buried)
@@ -253,12 +261,12 @@ class PoseSampler:
 
     def window(self, index: int, avatars: Array, times: Array) -> Window:
         """Return the stretch of the take that poses of a policy's avatars (n,), ascending, at times [s] depend on."""
-        return self._posers[NOTHING].window(index, avatars, times)
+        return self.poser.window(index, avatars, times)
 
     def _placed(self, avatars: Array, times: Array) -> Iterator[tuple[Array, PoseMotion, Array, Playback]]:
         """Return where avatars (E,) are at times (E,): which of them, their motion, sizes of bones and playback."""
-        for which, policy, numbers, moments in self._posers[NOTHING].moments(avatars, times):
-            window = self._posers[NOTHING].window(policy, numbers, moments.times, 0.0)
+        for which, policy, numbers, moments in self.poser.moments(avatars, times):
+            window = self.poser.window(policy, numbers, moments.times, 0.0)
             yield which, window.motion, window.rows.sizes[moments.columns], window.playback(moments)
 
     def moments(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
@@ -268,6 +276,5 @@ class PoseSampler:
             For each policy which of them are its own (n,), its body, their sizes (n,), positions (n, J, 3) [m] and
             rotations (n, J, 4) of joints in the world.
         """
-        if len(times):
-            self._look_for_buried(float(times.min()), float(times.max()))
-        return self._posers[NOTHING].shown(avatars, times)
+        self.expect(times)
+        return self.poser.shown(avatars, times)

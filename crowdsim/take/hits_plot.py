@@ -15,7 +15,7 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.strikes import HANDS
-from crowdsim.poses.layers.fists import body_points
+from crowdsim.poses.contacts import body_points
 from crowdsim.poses.sampler import PoseSampler
 
 if TYPE_CHECKING:

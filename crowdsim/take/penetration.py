@@ -19,7 +19,9 @@ DEEP, VERY_DEEP = 0.06, 0.08
 """Depth that counts as penetration, and the depth of an episode [m]."""
 _RATE = 20.0
 """Measured frames in a second; they lie between control frames too, where limbs are not deflected exactly."""
-_MOST_POSES, _POSES_AT_ONCE = 150_000, 4_000
+_MOST_POSES, _POSES_AT_ONCE = 150_000, 8_000
+_LONGEST, _STRETCHES = 100, 3
+"""Frames of a stretch of a run that is too long to be measured whole, and how many stretches there are at least."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class Penetration:
 
 
 def measure_penetration(sampler: PoseSampler, threads: int = 1, progress: Progress | None = None) -> Penetration:
-    """Measure all avatars at 20 frames a second; at evenly picked ones where these are too many poses.
+    """Measure all avatars at 20 frames a second; in stretches evenly picked where these are too many poses.
 
     Args:
         sampler: Poses of the run's take.
@@ -50,18 +52,18 @@ def measure_penetration(sampler: PoseSampler, threads: int = 1, progress: Progre
     """
     take = sampler.take
     frames, most = take.output_frames(_RATE), _MOST_POSES // max(take.avatar_count, 1)
-    picked = np.arange(frames) if frames <= most else np.unique(np.linspace(0, frames - 1, most).astype(np.int64))
-    if not len(picked) or take.avatar_count < 2:
+    if frames < 1 or take.avatar_count < 2:
         return Penetration(None, None, None, None)
-    at_once = max(1, _POSES_AT_ONCE // take.avatar_count)
-    found = []
-    for low in range(0, len(picked), at_once):
-        some = picked[low : low + at_once]
-        whole = some[-1] - some[0] == len(some) - 1
-        stretches = [(int(some[0]), int(some[-1]) + 1)] if whole else [(int(one), int(one) + 1) for one in some]
-        found += [_depths(sampler, sampler.sample(*stretch, _RATE), threads) for stretch in stretches]
-        if progress is not None:
-            progress("penetration", low + len(some), len(picked))
+    stretches = _stretches(frames, max(most, 1))
+    sampler.expect(np.concatenate([np.arange(*stretch) for stretch in stretches]) / _RATE)
+    at_once, found, done = max(1, _POSES_AT_ONCE // take.avatar_count), [], 0
+    for start, stop in stretches:
+        for low in range(start, stop, at_once):
+            high = min(low + at_once, stop)
+            found.append(_depths(sampler, sampler.sample(low, high, _RATE), threads))
+            done += high - low
+            if progress is not None:
+                progress("penetration", done, min(frames, most))
     depths = np.concatenate(found)
     there = np.isfinite(depths[..., 0])
     if not there.any():
@@ -73,8 +75,17 @@ def measure_penetration(sampler: PoseSampler, threads: int = 1, progress: Progre
         float(np.mean(bodies > DEEP)),
         float(np.mean(np.maximum(bodies, arms) > DEEP)),
         float(bodies.max()),
-        float(episodes / (there.sum() / _RATE / 60.0)) if len(picked) == frames else None,
+        float(episodes / (there.sum() / _RATE / 60.0)) if len(depths) == frames else None,
     )
+
+
+def _stretches(frames: int, most: int) -> list[tuple[int, int]]:
+    """Return all frames, or where there are more than ``most``, stretches evenly picked: first, and one past last."""
+    if frames <= most:
+        return [(0, frames)]
+    length = min(_LONGEST, max(1, most // _STRETCHES))
+    starts = np.linspace(0, frames - length, max(1, most // length)).astype(int)
+    return [(start, start + length) for start in starts.tolist()]
 
 
 def _depths(sampler: PoseSampler, groups: Sequence[Poses], threads: int) -> Array:

@@ -13,9 +13,9 @@ from crowdsim.crowd.events import OUTCOMES
 from crowdsim.crowd.kernels.layout import LANDED
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.poses.contacts import body_points, surface_point
 from crowdsim.poses.kernels.records import Moments, Steps, Transitions
 from crowdsim.poses.kernels.steps import STEP
-from crowdsim.poses.layers.fists import body_points, surface_point
 from crowdsim.poses.sampler import Poses, PoseSampler
 from crowdsim.take.measures import measure_fights
 from crowdsim.take.penetration import measure_penetration
@@ -27,7 +27,10 @@ TOUCH = 0.02
 """How far from a surface a fist or foot touches it [m]."""
 _NEAR_TRANSITION = 0.1
 """Time around a transition in which accelerations count as its own [s]."""
-_MOST_POSES = 150_000
+_MOST_POSES, _FEW = 150_000, 30
+"""Most poses that are measured, and avatars of which all that are picked are."""
+_STRETCH = 256
+"""Frames that are measured one after another of a run that is too long to be measured whole."""
 _POSES_AT_ONCE = 20_000
 _MOST_STRIKES = 4000
 
@@ -35,11 +38,13 @@ _MOST_STRIKES = 4000
 def measure_take(sampler: PoseSampler, progress: Progress | None = None, threads: int = 1) -> dict[str, Any]:
     """Return figures of a run, plain data.
 
-    Poses of long runs and of large crowds are measured on avatars evenly picked, strikes and the like on all.
+    Poses of large crowds are measured on avatars evenly picked, those of long runs, and fists, in stretches evenly
+    picked; strikes and the like on all.
 
     Args:
         sampler: Poses of its take.
-        progress: Called with ("poses", avatars done, avatars), then with ("penetration", frames done, frames).
+        progress: Called with ("poses", poses done, poses), then with ("strikes", stretches done, stretches) and
+            ("penetration", frames done, frames).
         threads: Threads that share the work.
 
     Returns:
@@ -73,8 +78,9 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None, threads
         "hits_per_minute_per_avatar": landed / minutes if minutes else None,
         **asdict(measure_fights(take)),
     }
-    report.update(_of_poses(sampler, progress))
-    report.update(_of_fists(sampler))
+    picked = _Picked(sampler)
+    report.update(_of_poses(sampler, picked, progress))
+    report.update(_of_fists(sampler, picked, progress))
     report.update(asdict(measure_penetration(sampler, threads, progress)))
     report.update(asdict(measure_variety(take, sampler.policies)))
     report.update(asdict(measure_spreads(take)))
@@ -85,13 +91,35 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None, threads
     return report
 
 
-def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, float | None]:
+class _Picked:
+    """Avatars, and stretches of output frames at the playback rate of the first policy, that are measured.
+
+    Attributes:
+        rate: That rate.
+        avatars: Their numbers. Shape (n,).
+        stretches: First frame of each, and one past the last.
+        whole: Whether these are all frames.
+    """
+
+    def __init__(self, sampler: PoseSampler) -> None:
+        take, self.rate = sampler.take, float(sampler.motions[0].frames.rate)
+        frames = take.output_frames(self.rate)
+        count = max(1, min(take.avatar_count, max(_MOST_POSES // max(frames, 1), _FEW)))
+        self.avatars = np.unique(np.linspace(0, take.avatar_count - 1, count).astype(np.int64))
+        most = _MOST_POSES // count
+        self.whole = frames <= most
+        starts = np.linspace(0, frames - _STRETCH, max(most // _STRETCH, 1)).astype(int)
+        self.stretches = [(0, frames)] if self.whole else [(start, start + _STRETCH) for start in starts.tolist()]
+        sampler.expect(np.concatenate([np.arange(*stretch) for stretch in self.stretches]) / self.rate)
+
+
+def _of_poses(sampler: PoseSampler, picked: _Picked, progress: Progress | None) -> dict[str, float | None]:
     slides: list[Array] = []
     jumps: list[Array] = []
     own: list[Array] = []
     beneath: list[Array] = []
     captured = [_CapturedMotion(sampler, index) for index in range(len(sampler.motions))]
-    for poses, start, rate in _some_poses(sampler, progress):
+    for poses, start, rate in _some_poses(sampler, picked, progress):
         motion = captured[poses.policy]
         times = (start + np.arange(len(poses.rotations))) / rate
         window = sampler.window(poses.policy, poses.avatars, times)
@@ -102,7 +130,7 @@ def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, floa
         balls = _balls(sampler, poses, positions, rotations)
         transitions = window.transitions
         planted = motion.contacts[now] & motion.contacts[later] & (frames >= 0)[..., None]
-        planted &= ~_stepping(transitions, window.steps(transitions, window.foot_plants), times, len(poses.avatars))
+        planted &= ~_stepping(transitions, window.steps, times, len(poses.avatars))
         speeds = np.linalg.norm(np.diff(balls, axis=0), axis=-1) * rate
         slides.append(speeds[planted[1:] & planted[:-1]])
         positions = positions[:, :, motion.joints]
@@ -141,11 +169,36 @@ def _of_poses(sampler: PoseSampler, progress: Progress | None) -> dict[str, floa
     }
 
 
-def _of_fists(sampler: PoseSampler) -> dict[str, float | None]:
+def _of_fists(sampler: PoseSampler, picked: _Picked, progress: Progress | None) -> dict[str, float | None]:
     """Gaps between landed fists and feet and the surface of their victims; of many strikes, an even selection."""
     events = sampler.take.events
     landed = np.flatnonzero(np.asarray(events.landed, dtype=bool) & (np.asarray(events.victim) >= 0))
-    some = landed[np.unique(np.linspace(0, len(landed) - 1, min(len(landed), _MOST_STRIKES)).astype(np.int64))]
+    times = np.asarray(events.frame, dtype=np.float64)[landed] / sampler.take.control_rate * picked.rate
+    if picked.whole:
+        groups = [landed]
+    else:
+        groups = [landed[(times >= start) & (times < stop)] for start, stop in picked.stretches]
+    chosen = np.concatenate(groups)
+    kept = chosen[np.unique(np.linspace(0, len(chosen) - 1, min(len(chosen), _MOST_STRIKES)).astype(np.int64))]
+    found = []
+    for done, group in enumerate(groups, 1):
+        found.append(_gaps(sampler, group[np.isin(group, kept)]))
+        if progress is not None:
+            progress("strikes", done, len(groups))
+    gaps = np.concatenate(found)
+    gaps = gaps[np.isfinite(gaps)]
+    there = len(gaps) > 0
+    return {
+        "fist_gap_median": float(np.median(gaps)) if there else None,
+        "fist_gap_95": float(np.percentile(gaps, 95)) if there else None,
+        "fist_gap_most": float(gaps.max()) if there else None,
+        "fists_off_share": float(np.mean(gaps > TOUCH)) if there else None,
+    }
+
+
+def _gaps(sampler: PoseSampler, some: Array) -> Array:
+    """How far fists and feet are from the surface of those whom they hit, in strikes given by number (E,) [m]."""
+    events = sampler.take.events
     times = np.asarray(events.frame, dtype=np.float64)[some] / sampler.take.control_rate
     fists, surfaces = np.full((len(some), 3), np.nan), np.full((len(some), 3), np.nan)
     limbs = np.asarray(events.limb)[some].astype(np.int64)
@@ -160,15 +213,7 @@ def _of_fists(sampler: PoseSampler) -> dict[str, float | None]:
         surfaces[which] = surface_point(
             fists[which], head, neck, pelvis, body.head_radius * scales, body.torso_radius * widths
         )
-    gaps = np.linalg.norm(fists - surfaces, axis=1)
-    gaps = gaps[np.isfinite(gaps)]
-    there = len(gaps) > 0
-    return {
-        "fist_gap_median": float(np.median(gaps)) if there else None,
-        "fist_gap_95": float(np.percentile(gaps, 95)) if there else None,
-        "fist_gap_most": float(gaps.max()) if there else None,
-        "fists_off_share": float(np.mean(gaps > TOUCH)) if there else None,
-    }
+    return np.asarray(np.linalg.norm(fists - surfaces, axis=1))
 
 
 class _CapturedMotion:
@@ -221,21 +266,20 @@ def _balls(sampler: PoseSampler, poses: Poses, positions: Array, rotations: Arra
     return np.asarray((positions[:, :, feet] + soles)[..., [0, 2]])
 
 
-def _some_poses(sampler: PoseSampler, progress: Progress | None) -> Iterator[tuple[Poses, int, float]]:
-    """Poses of avatars evenly picked, at the playback rate of the first policy: poses, first frame and rate."""
-    take, rate = sampler.take, float(sampler.motions[0].frames.rate)
-    frames = take.output_frames(rate)
-    count = max(1, min(take.avatar_count, _MOST_POSES // max(frames, 1)))
-    avatars = np.unique(np.linspace(0, take.avatar_count - 1, count).astype(np.int64))
-    at_once = max(1, _POSES_AT_ONCE // max(frames, 1))
-    most = max(_POSES_AT_ONCE, 16)
-    for low in range(0, len(avatars), at_once):
-        group = avatars[low : low + at_once]
-        for start in range(0, frames, most):
-            for poses in sampler.sample(start, min(start + most, frames), rate, group):
-                yield poses, start, rate
-        if progress is not None:
-            progress("poses", min(low + at_once, len(avatars)), len(avatars))
+def _some_poses(sampler: PoseSampler, picked: _Picked, progress: Progress | None) -> Iterator[tuple[Poses, int, float]]:
+    """Poses of what is picked, some at once: poses, first frame and rate."""
+    total = len(picked.avatars) * sum(stop - start for start, stop in picked.stretches)
+    done = 0
+    for start, stop in picked.stretches:
+        at_once = max(1, _POSES_AT_ONCE // max(stop - start, 1))
+        for low in range(0, len(picked.avatars), at_once):
+            group = picked.avatars[low : low + at_once]
+            for first in range(start, stop, _POSES_AT_ONCE):
+                for poses in sampler.sample(first, min(first + _POSES_AT_ONCE, stop), picked.rate, group):
+                    yield poses, first, picked.rate
+            done += len(group) * (stop - start)
+            if progress is not None:
+                progress("poses", done, total)
 
 
 def _captured_strikes(sampler: PoseSampler) -> float | None:

@@ -48,7 +48,7 @@ class Walkers:
     def ground(self, frames):
         return self.paths[np.asarray(frames)]
 
-    def poses(self, frame):
+    def poses(self, frame, shown=None):
         self.drawn.append(frame)
         x, z, heading = self.paths[frame].T
         positions = np.stack([x, np.full_like(x, 0.95), z], axis=-1)[:, None]

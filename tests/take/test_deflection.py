@@ -5,13 +5,14 @@ import numpy as np
 import pytest
 from take.synthetic_take import actions, build_take, database, sampler
 
+from crowdsim.poses import kept, poser
 from crowdsim.poses.capsule_weights import ride_along
 from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules
 from crowdsim.poses.kernels.capsules import Capsules
 from crowdsim.poses.kernels.deflection import MovingLimbs, deflect_limbs
 from crowdsim.poses.kernels.foot_plants import free_feet
 from crowdsim.poses.kernels.records import FootPlants, Moments
-from crowdsim.take import deflection as module
+from crowdsim.poses.layers import deflection as module
 from crowdsim.take.penetration import measure_penetration
 
 
@@ -117,7 +118,7 @@ def test_limbs_of_boxers_who_clinch_leave_the_other_over_feet_that_hardly_move(m
     take, policy = clinch()
     shown = sampler(take, policy)
     after, positions = measure_penetration(shown), shown.sample(0, 110, 60)[0].joints()[0]
-    monkeypatch.setattr(module.Deflection, "bend", lambda *_: None)
+    monkeypatch.setattr(module.Deflection, "apply", lambda *_: None)
     through = sampler(take, policy)
     before, captured = measure_penetration(through), through.sample(0, 110, 60)[0].joints()[0]
     assert before.penetration_share_with_arms > 0.3
@@ -145,8 +146,11 @@ def test_a_range_of_frames_and_a_crowd_too_large_to_keep_are_posed_as_the_whole(
     whole = sampler(take, policy).sample(0, 110, 60)[0]
     part = sampler(take, policy).sample(50, 61, 60)[0]
     assert np.array_equal(part.rotations, whole.rotations[50:61])
-    monkeypatch.setattr(module, "_KEPT", 0)
+    monkeypatch.setattr(kept, "_NUMBERS", 0)
+    monkeypatch.setattr(kept, "_FRAMES", 4)
     monkeypatch.setattr(module, "POSES_AT_ONCE", 1)
+    monkeypatch.setattr(module, "_FRAMES_AT_ONCE", 3)
+    monkeypatch.setattr(poser, "POSES_AT_ONCE", 1)
     one = sampler(take, policy).sample(50, 61, 60, np.array([1]))[0]
     assert np.array_equal(one.rotations[:, 0], whole.rotations[50:61, 1])
 

@@ -11,9 +11,6 @@ from take.synthetic_take import build_take, sampler
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.poses.down_state import fallen_rows, falls_soon, near_fallen
-from crowdsim.poses.hits import find_landed
-from crowdsim.poses.layers.gaze import HeadTurns
-from crowdsim.poses.layers.separation import Separation
 from crowdsim.poses.motion import prepare_motion
 from crowdsim.poses.sampler import Poses
 from crowdsim.take.take import Events, Take
@@ -84,11 +81,11 @@ def test_nobody_who_is_down_turns_a_head_or_gives_way() -> None:
     motions = [prepare_motion(policy)]
     down = fallen_rows(take, motions, 0, FRAMES)
     quiet = np.array([down[max(f - 4, 0) : f + 5].all(axis=0) for f in range(FRAMES)])
-    turns = HeadTurns(take, motions).find(0, FRAMES)[..., 0]
+    layers, everyone = sampler(take, policy).poser.layers, np.arange(take.avatar_count)
+    turns = layers["gaze"].turns.rows(np.arange(FRAMES), everyone)
     assert np.abs(turns[quiet]).max() < 1e-9
     assert np.abs(turns[:10]).max() > 0.05
-    joints_at = sampler(take, policy)._passes._blended_joints
-    pushes = Separation(take, motions, find_landed(take), joints_at).find(0, FRAMES)
+    pushes = layers["separation"].pushes.rows(np.arange(FRAMES), everyone)
     quiet = np.array([down[max(f - 1, 0) : f + 2].all(axis=0) for f in range(FRAMES)])
     assert not pushes[quiet].any()
 

@@ -12,7 +12,7 @@ from test_poses import duel, same
 
 from crowdsim.motion.limbs import flexion
 from crowdsim.policy.rewards import posed_distance, surface_distance, target_body
-from crowdsim.poses.layers.fists import body_points, surface_point
+from crowdsim.poses.contacts import body_points, surface_point
 from crowdsim.take.quality import measure_take
 from crowdsim.take.take import Events, Take
 

@@ -10,6 +10,7 @@ from take.test_down_state import FPS, FRAMES, RATE, spans, takes
 from crowdsim.motion import quaternion
 from crowdsim.poses.capsules import PosedBodies, place_capsules
 from crowdsim.poses.kernels.columns import LOWER
+from crowdsim.poses.layers import floor
 from crowdsim.poses.motion import prepare_motion
 from crowdsim.poses.sampler import Poses
 from crowdsim.take import pipeline
@@ -55,6 +56,6 @@ def test_bodies_of_any_build_that_are_down_neither_sink_nor_float(monkeypatch) -
         deep, high = extremes(*built(**build))
         assert deep > -0.01
         assert high < 0.01
-    monkeypatch.setattr(pipeline.Settling, "settle", lambda *_: None)
+    monkeypatch.setattr(floor.Settling, "settle", lambda *_: None)
     assert extremes(*built(girths=[1.2, 0.88]))[0] < -0.015
     assert extremes(*built(legs=LEGS, arms=ARMS))[0] < -0.01

@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation
 from take.synthetic_take import actions, build_take, database, sampler
 
 from crowdsim.poses.facing import face_direction
-from crowdsim.poses.layers.gaze import MOST, HeadTurns
-from crowdsim.poses.motion import prepare_motion
+from crowdsim.poses.layers.gaze import MOST
 from crowdsim.poses.sampler import Poses
 from crowdsim.take.take import Take
 
@@ -99,8 +98,9 @@ def test_turns_of_a_stretch_are_those_of_the_whole_and_fade_with_distance() -> N
     targets = np.zeros((40, 1, 3), np.float32)
     targets[..., 2] = 20.0
     take = replace(take, targets=targets, target_names=("ball",))
-    turns = HeadTurns(take, [prepare_motion(policy)])
-    whole = turns.find(0, 40)
-    np.testing.assert_array_equal(turns.find(9, 21), whole[9:21])
+    whole, some = (sampler(take, policy).poser.layers["gaze"].turns for _ in range(2))
+    part = some.rows(np.arange(9, 21), np.array([0]))
+    whole = whole.rows(np.arange(40), np.arange(2))
+    np.testing.assert_array_equal(part, whole[9:21, :1])
     assert (whole[:, 0] != 0.0).any()
     assert (whole[:, 1] == 0.0).all()

@@ -10,8 +10,8 @@ from take.test_poses import duel, sampler
 
 from crowdsim.crowd.kernels.layout import BLOCKED, LANDED, MISSED
 from crowdsim.crowd.model_arms import arm_radii
+from crowdsim.poses.contacts import body_points
 from crowdsim.poses.guards import _GIVES, Guard, guard_of, guard_points
-from crowdsim.poses.layers.fists import body_points
 from crowdsim.take.hits_plot import build_silhouette, find_hits
 
 

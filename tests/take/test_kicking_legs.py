@@ -13,7 +13,7 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.database import MotionDatabase, build_database
 from crowdsim.motion.measuring import measure_clips
 from crowdsim.policy.rewards import posed_distance
-from crowdsim.poses.layers.fists import body_points
+from crowdsim.poses.contacts import body_points
 from crowdsim.poses.layers.kicks import _plan_moves
 from crowdsim.take.take import Events, Take
 

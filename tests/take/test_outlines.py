@@ -8,7 +8,7 @@ from synthetic_take import database
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.policy.rewards import posed_distance
 from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules
-from crowdsim.poses.layers.fists import body_points, surface_point
+from crowdsim.poses.contacts import body_points, surface_point
 from crowdsim.poses.outlines import GIVES, Outline, leave_capsules
 
 COUNT = 40

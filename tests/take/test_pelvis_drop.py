@@ -17,7 +17,7 @@ def short_legs() -> tuple[Take, object]:
 
 
 def lowering(posing: PoseSampler) -> Lowering:
-    return posing._passes._lowering
+    return posing.poser.layers["pelvis"]
 
 
 def heights(posing: PoseSampler) -> np.ndarray:
@@ -29,7 +29,9 @@ def test_pelvises_go_down_evenly(monkeypatch: pytest.MonkeyPatch) -> None:
     lows = lowering(sampler(take, policy)).rows(0, take.frame_count, np.arange(12))
     assert 0.01 < lows.max() < 0.11
     even = heights(sampler(take, policy))
-    monkeypatch.setattr(Lowering, "rows", lambda _, first, stop, avatars: np.zeros((stop - first, len(avatars))))
+    monkeypatch.setattr(
+        Lowering, "rows", lambda _, first, stop, avatars: np.zeros((stop - first, len(avatars)), np.float32)
+    )
     sudden = heights(sampler(take, policy))
     drops = [np.percentile(np.abs(np.diff(paths, 2, axis=0)), 99.9) * 3600.0 for paths in (even, sudden)]
     assert drops[0] < 0.8 * drops[1]
@@ -39,8 +41,10 @@ def test_pelvises_go_down_evenly(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_rows_of_some_avatars_of_a_long_take_are_those_of_a_short_one(monkeypatch: pytest.MonkeyPatch) -> None:
     take, policy = short_legs()
     whole = lowering(sampler(take, policy)).rows(0, take.frame_count, np.arange(12))
-    monkeypatch.setattr("crowdsim.poses.layers.pelvis._WHOLE", 0)
-    monkeypatch.setattr("crowdsim.poses.layers.pelvis._POSES_AT_ONCE", 5)
+    monkeypatch.setattr("crowdsim.poses.kept._NUMBERS", 0)
+    monkeypatch.setattr("crowdsim.poses.kept._FRAMES", 5)
+    monkeypatch.setattr("crowdsim.poses.layers.pelvis._FRAMES_AT_ONCE", 5)
+    monkeypatch.setattr("crowdsim.poses.poser.POSES_AT_ONCE", 5)
     some = lowering(sampler(take, policy))
     for low, high in ((7, 19), (30, 33), (0, 4), (70, take.frame_count)):
         np.testing.assert_array_equal(some.rows(low, high, np.array([0, 2])), whole[low:high][:, [0, 2]])

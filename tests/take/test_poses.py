@@ -13,9 +13,9 @@ from crowdsim.errors import TakeError
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.limbs import flexion
+from crowdsim.poses.contacts import body_points, surface_point
 from crowdsim.poses.kernels.records import Moments
 from crowdsim.poses.kernels.steps import STEP
-from crowdsim.poses.layers.fists import body_points, surface_point
 from crowdsim.poses.sampler import Poses, PoseSampler
 from crowdsim.take.take import Events, Take
 
@@ -191,7 +191,7 @@ def test_a_planted_foot_moves_no_more_than_captured_through_a_transition() -> No
         transitions = window.transitions
         if not len(transitions.times):
             continue
-        kinds = window.steps(transitions, window.foot_plants).kinds
+        kinds = window.steps.kinds
         toes = [motion.body.roles["left_toe"], motion.body.roles["right_toe"]]
         middle = round(float(transitions.times[0]) * 60)
         ours = poses.sample(middle - 12, middle + 13, 60)[0].joints()[0][:, 0, toes]
@@ -219,7 +219,7 @@ def test_a_foot_in_the_air_at_a_transition_is_planted_before_and_after_it() -> N
             poses = sampler(take, policy)
             window = poses.window(0, np.arange(1), np.array([0.0, take.seconds]))
             transitions = window.transitions
-            steps = window.steps(transitions, window.foot_plants)
+            steps = window.steps
             if np.linalg.norm(transitions.gaps[0, foot, :3]) > 0.3 or steps.kinds[0, foot] != STEP:
                 continue
             times = np.arange(round((transitions.times[0] - 0.35) * 60), round((transitions.times[0] + 0.35) * 60))
@@ -264,7 +264,7 @@ def _slide(places: np.ndarray, take: Take, policy: Any) -> np.ndarray:
     frames = window.playback(Moments(np.arange(take.avatar_count), (np.arange(len(places)) / 60.0)[:, None])).frames
     planted = np.array(database().contacts[frames])
     transitions = window.transitions
-    steps = window.steps(transitions, window.foot_plants)
+    steps = window.steps
     for k, foot in zip(*np.nonzero(steps.kinds == STEP), strict=True):
         low, high = (steps.moves[k, foot, :2] * 60).astype(int)
         planted[max(low, 0) : high + 2, transitions.owners[k], foot] = False

@@ -11,12 +11,9 @@ from take.synthetic_take import actions, build_take, database, sampler
 
 from crowdsim.core.segments import nearest_on_segments
 from crowdsim.motion import quaternion
-from crowdsim.poses.hits import find_landed
-from crowdsim.poses.kept import KeptRows
+from crowdsim.poses.kernels import separation
 from crowdsim.poses.kernels.separation import push_trunks
 from crowdsim.poses.layers.deflection import Deflection
-from crowdsim.poses.layers.separation import Separation
-from crowdsim.take.kernels import separation
 
 
 @settings(deadline=None)
@@ -61,7 +58,7 @@ def test_pushes_match_naive(seed: int) -> None:
     points, radii = crowd(seed)
     order = np.argsort(points[:, :, 2, 0], axis=1)
     found = np.full((*points.shape[:2], 2), np.inf)
-    push_trunks(points, radii, order, found)
+    push_trunks(0, len(points), points, radii, order, found)
     rules = separation._ROOM, separation._SOFT, separation._MOST, separation._LEFT, separation.AROUND, separation._STEEP
     for time in range(len(points)):
         expected = naive.pushes(points, time, radii, *rules, separation._FAR, separation._ROUNDS)
@@ -87,7 +84,7 @@ def test_who_walks_through_another_one_goes_around_it_on_one_side(beside: float)
     one = np.stack([np.full(13, beside), along], axis=-1)
     points = upright(np.stack([one, -one], axis=1) * 0.5)
     found = np.empty((13, 2, 2))
-    push_trunks(points, np.tile(RADII, (2, 1, 1)), np.tile([0, 1], (13, 1)), found)
+    push_trunks(0, len(points), points, np.tile(RADII, (2, 1, 1)), np.tile([0, 1], (13, 1)), found)
     np.testing.assert_allclose(found[:, 0], -found[:, 1], atol=1e-12)
     aside = found[:, 0, 0] * (np.sign(beside) or 1.0)
     assert (aside >= 0.0).all()
@@ -103,7 +100,7 @@ def test_who_halts_in_another_one_is_pushed_back() -> None:
     one = np.stack([np.zeros(20), along], axis=-1)
     points = upright(np.stack([one, -one], axis=1) * 0.5)
     found = np.empty((20, 2, 2))
-    push_trunks(points, np.tile(RADII, (2, 1, 1)), np.tile([0, 1], (20, 1)), found)
+    push_trunks(0, len(points), points, np.tile(RADII, (2, 1, 1)), np.tile([0, 1], (20, 1)), found)
     np.testing.assert_allclose(found[:, 0, 0], 0.0, atol=1e-9)
     assert found[-1, 0, 1] == pytest.approx(0.055, abs=0.01)
     assert (np.diff(found[:, 0, 1]) > -1e-9).all()
@@ -122,7 +119,7 @@ def test_thighs_that_cross_push_bodies_apart_and_those_that_touch_do_not() -> No
     for apart in (0.0, 0.08):
         points = np.stack([own, np.add(other, [apart, 0.0, 0.0])])[None]
         found = np.empty((1, 2, 2))
-        push_trunks(points, radii, order, found)
+        push_trunks(0, len(points), points, radii, order, found)
         pushes.append(found[0])
     np.testing.assert_allclose(pushes[0][0], -pushes[0][1])
     assert pushes[0][1, 0] > 0.02
@@ -130,7 +127,7 @@ def test_thighs_that_cross_push_bodies_apart_and_those_that_touch_do_not() -> No
 
 
 def test_bodies_inside_one_another_give_way_over_feet_that_stay(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Deflection, "bend", lambda *_: None)
+    monkeypatch.setattr(Deflection, "apply", lambda *_: None)
     first, lengths = actions(40)
     take, policy = build_take(
         [list(range(20)), list(range(20, 40))], first, lengths, 20, start=[(0.0, 0.0, 0.0), (0.22, 0.05, 3.0)]
@@ -153,7 +150,7 @@ def test_bodies_inside_one_another_give_way_over_feet_that_stay(monkeypatch: pyt
 
 
 def test_heads_give_way_that_come_into_one_another_in_blends(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Deflection, "bend", lambda *_: None)
+    monkeypatch.setattr(Deflection, "apply", lambda *_: None)
     first, lengths = actions(240, longest=6, seed=4)
     queues = [list(range(120)), list(range(120, 240))]
     take, policy = build_take(queues, first, lengths, 60, start=[(0.0, 0.0, 0.0), (-0.265, -0.229, 7.0)])
@@ -169,7 +166,7 @@ def test_heads_give_way_that_come_into_one_another_in_blends(monkeypatch: pytest
 
 
 def test_feet_in_the_air_go_along_with_bodies_that_give_way(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Deflection, "bend", lambda *_: None)
+    monkeypatch.setattr(Deflection, "apply", lambda *_: None)
     motion = replace(database(), contacts=database().contacts & [True, False])  # they hop on the left foot
     first, lengths = actions(120)
     starts = [(0.4 * np.sin(n), 0.4 * np.cos(n), 1.0 * n) for n in range(6)]
@@ -191,12 +188,13 @@ def test_rows_of_a_long_take_are_those_of_a_short_one(monkeypatch: pytest.Monkey
     first, lengths = actions(90)
     queues = [list(range(start, start + 30)) for start in (0, 30, 60)]
     take, policy = build_take(queues, first, lengths, 30, start=[(0.0, 0.0, 0.0), (0.3, 0.1, 3.0), (0.1, 0.4, 1.0)])
-    poses = sampler(take, policy)
-    separation = Separation(take, poses.motions, find_landed(take), poses._passes._blended_joints)
-    whole = KeptRows(30, 3, separation.find).rows(0, 30, np.arange(3))
+    pushes = sampler(take, policy).poser.layers["separation"].pushes
+    whole = pushes.rows(np.arange(30), np.arange(3))
     assert np.abs(whole).max() > 0.01
-    monkeypatch.setattr("crowdsim.poses.kept._WHOLE", 0)
+    monkeypatch.setattr("crowdsim.poses.kept._NUMBERS", 0)
     monkeypatch.setattr("crowdsim.poses.kept._FRAMES", 5)
-    some = KeptRows(30, 3, separation.find)
+    monkeypatch.setattr("crowdsim.poses.layers.separation._FRAMES_AT_ONCE", 4)
+    some = sampler(take, policy).poser.layers["separation"].pushes
     for low, high in ((7, 19), (9, 12), (18, 30), (0, 4)):
-        np.testing.assert_array_equal(some.rows(low, high, np.array([0, 2])), whole[low:high][:, [0, 2]])
+        found = some.rows(np.arange(low, high), np.array([0, 2]))
+        np.testing.assert_array_equal(found, whole[low:high][:, [0, 2]])

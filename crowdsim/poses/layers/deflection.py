@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.ndimage import correlate1d
 
@@ -19,11 +17,8 @@ from crowdsim.poses.kernels.deflection import MovingLimbs, deflect_limbs
 from crowdsim.poses.kernels.limb_bounds import LIMBS
 from crowdsim.poses.kernels.limb_moves import END, MOVED
 from crowdsim.poses.kernels.records import Offsets, Posed
-from crowdsim.poses.layer import Block, Part, Reader
+from crowdsim.poses.layer import Block, Part, Reader, Scheduler
 from crowdsim.poses.neighbours import near_avatars
-
-if TYPE_CHECKING:
-    from crowdsim.poses.poser import Poser
 
 _LANDS = 0.1
 """Time around a strike that lands in which the fist may be in what it hits [s]."""
@@ -57,7 +52,7 @@ class Deflection(Reader):
     hops = 0
     planted = 0.3
 
-    def __init__(self, poser: Poser) -> None:
+    def __init__(self, poser: Scheduler) -> None:
         super().__init__(poser)
         take = poser.take
         self._riding = [ride_along(motion) for motion in poser.motions]
@@ -185,7 +180,7 @@ class Deflection(Reader):
         frames = np.clip(np.rint(times * take.control_rate).astype(np.int64), 0, take.frame_count - 1)
         down = fallen_rows(take, motions, int(frames.min()), int(frames.max()) + 1)
         limbs = MovingLimbs(
-            np.full((len(times), len(near), LIMBS, 3, 3), np.nan, np.float32),
+            np.empty((len(times), len(near), LIMBS, 3, 3), np.float32),
             np.full(capsules.bounds.shape, -1, np.int64),
             np.zeros((*capsules.bounds.shape, MOVED, 2)),
             _landing(self.poser.landed, near, times),
@@ -247,7 +242,10 @@ def _landing(landed: Landed, avatars: Array, times: Array) -> Array:
     some = some.of(~some.missed)
     column = np.minimum(np.searchsorted(avatars, some.attackers), len(avatars) - 1)
     known = np.flatnonzero(avatars[column] == some.attackers)
-    close = np.clip(2.0 - 2.0 * np.abs(times[:, None] - some.times[known]) / _LANDS, 0.0, 1.0)
-    rows = np.broadcast_to(np.arange(len(times))[:, None], close.shape)
-    np.maximum.at(near, (rows, *(np.broadcast_to(one[known], close.shape) for one in (column, some.limbs))), close)
+    lows, highs = np.searchsorted(times, some.times - _LANDS), np.searchsorted(times, some.times + _LANDS, side="right")
+    for strike in known:
+        rows = slice(lows[strike], highs[strike])
+        close = np.clip(2.0 - 2.0 * np.abs(times[rows] - some.times[strike]) / _LANDS, 0.0, 1.0)
+        limb = near[rows, column[strike], some.limbs[strike]]
+        np.maximum(limb, close, out=limb)
     return near

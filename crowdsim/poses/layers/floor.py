@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from crowdsim.core.types import Array
@@ -11,12 +9,9 @@ from crowdsim.motion import quaternion
 from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules
 from crowdsim.poses.kernels.columns import LOWER
 from crowdsim.poses.kernels.records import Posed
-from crowdsim.poses.layer import Layer, Part
+from crowdsim.poses.layer import Layer, Part, Scheduler
 from crowdsim.poses.motion import PoseMotion
 from crowdsim.poses.world import world_joints
-
-if TYPE_CHECKING:
-    from crowdsim.poses.poser import Poser
 
 _UNDER, _OVER, _SOFT = 0.006, 0.004, 0.0007
 """How far a body may be under the floor, or over it and higher than captured; and how softly it is moved [m]."""
@@ -33,7 +28,7 @@ class Floor(Layer):
     size = 0.4
     hops = 1
 
-    def __init__(self, poser: Poser) -> None:
+    def __init__(self, poser: Scheduler) -> None:
         super().__init__(poser)
         self._settlings = [Settling(motion) for motion in poser.motions]
 
@@ -78,9 +73,9 @@ class Settling:
         some = part.moments.columns[column]
         here = Posed(poses.roots[None, row, column], poses.rotations[None, row, column])
         lowest = self._lowest_points(here, scales[some], girths[some], stretches[some])
-        frame, part = frames[down], playback.fractions[down]
+        frame, share = frames[down], playback.fractions[down]
         after = np.minimum(frame + 1, len(self._lowest) - 1)
-        captured = scales[some] * (self._lowest[frame] * (1.0 - part) + self._lowest[after] * part)
+        captured = scales[some] * (self._lowest[frame] * (1.0 - share) + self._lowest[after] * share)
         raised = _beyond(-lowest, _UNDER)
         poses.roots[row, column, 1] += raised - _beyond(lowest - np.maximum(captured, 0.0), _OVER)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.ndimage import correlate1d
 
@@ -15,12 +13,9 @@ from crowdsim.motion.ground import wrap
 from crowdsim.poses.kept import Kept
 from crowdsim.poses.kernels.gaze import Gaze, turn_heads
 from crowdsim.poses.kernels.records import Offsets, Posed
-from crowdsim.poses.layer import Layer, Part
+from crowdsim.poses.layer import Layer, Part, Scheduler
 from crowdsim.poses.limbs import chain_of
 from crowdsim.poses.motion import PoseMotion
-
-if TYPE_CHECKING:
-    from crowdsim.poses.poser import Poser
 
 _SHARES = {"neck": 0.4, "head": 0.6}
 """Shares of a turn."""
@@ -56,7 +51,7 @@ class HeadTurns(Layer):
     size = 0.2
     hops = 1
 
-    def __init__(self, poser: Poser) -> None:
+    def __init__(self, poser: Scheduler) -> None:
         super().__init__(poser)
         take = poser.take
         self._gazes = [build_gaze(motion) for motion in poser.motions]

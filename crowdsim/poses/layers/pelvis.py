@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from crowdsim.core.types import Array
 from crowdsim.poses.kept import Kept
 from crowdsim.poses.kernels.records import Offsets
-from crowdsim.poses.layer import Layer, Part
-
-if TYPE_CHECKING:
-    from crowdsim.poses.poser import Poser
+from crowdsim.poses.layer import Layer, Part, Scheduler
 
 _WIDE, _FINE = 1, 2
 """How long a pelvis stays down before and after it has to be, so that splines reach nearly as far down [control
@@ -32,7 +27,7 @@ class Lowering(Layer):
     size = 0.075
     hops = 1
 
-    def __init__(self, poser: Poser) -> None:
+    def __init__(self, poser: Scheduler) -> None:
         super().__init__(poser)
         take = poser.take
         self.lacks = Kept(take.frame_count, take.control_rate, take.avatar_count, (), self._find)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,12 +19,9 @@ from crowdsim.poses.hits import Landed, by_column
 from crowdsim.poses.kernels.columns import HEAD, TORSO
 from crowdsim.poses.kernels.reactions import LENGTH, RISE, ROUNDS, Blows, Trunk, show_reactions, strengthen
 from crowdsim.poses.kernels.records import Posed
-from crowdsim.poses.layer import Layer, Part
+from crowdsim.poses.layer import Layer, Part, Scheduler
 from crowdsim.poses.limbs import chain_of
 from crowdsim.poses.motion import PoseMotion
-
-if TYPE_CHECKING:
-    from crowdsim.poses.poser import Poser
 
 _TYPICAL_SPEED, _STRONGEST = 8.0, 1.6
 _SWING, _KICK = 0.05, 0.1
@@ -63,7 +59,7 @@ class Reactions(Layer):
     needs = ("separation",)
     looks = (ROUNDS + 1) * LENGTH + _KICK, RISE
 
-    def __init__(self, poser: Poser) -> None:
+    def __init__(self, poser: Scheduler) -> None:
         super().__init__(poser)
         self._trunks = [build_trunk(motion) for motion in poser.motions]
         self._planner: BlowPlanner | None = None

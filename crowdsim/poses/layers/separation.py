@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from crowdsim.core.types import Array
@@ -28,12 +26,9 @@ from crowdsim.poses.kernels.separation import (
     push_trunks,
     shift_roots,
 )
-from crowdsim.poses.layer import Layer, Part
+from crowdsim.poses.layer import Layer, Part, Scheduler
 from crowdsim.poses.motion import PoseMotion
 from crowdsim.poses.neighbours import near_avatars
-
-if TYPE_CHECKING:
-    from crowdsim.poses.poser import Poser
 
 FINE = 2
 """How often bodies are looked for in a control frame: heads move fast, and further with blends than in the motion."""
@@ -51,7 +46,7 @@ class Separation(Layer):
     size = 0.4
     needs = ("blend",)
 
-    def __init__(self, poser: Poser) -> None:
+    def __init__(self, poser: Scheduler) -> None:
         super().__init__(poser)
         take = poser.take
         self._radii = np.zeros((take.avatar_count, len(PIECES), 2))
