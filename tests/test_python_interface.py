@@ -4,6 +4,7 @@ import ast
 import json
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -295,6 +296,22 @@ def test_a_crowd_needs_the_policies_of_its_scenario(workplace: Path) -> None:
     others = [replace(policy, name="other") for policy in load_policies(scenario)]
     with pytest.raises(ScenarioError, match=r"types\.boxer\.policy: policy 'tiny' is not among those given, other; "):
         draw_crowd(scenario, others)
+
+
+def test_what_is_no_scenario_or_crowd_is_refused(workplace: Path) -> None:
+    scenario = load_scenario(write_scene(workplace / "four.yaml"))
+    for wrong in ("four.yaml", {"name": "four"}, None):
+        expected = "is of type (str|dict|NoneType), expected a scenario, as crowdsim.load_scenario gives it"
+        for call in (run, load_policies, partial(crowdsim.run_to, "run"), lambda data: draw_crowd(data, [])):
+            with pytest.raises(ScenarioError, match=expected):
+                call(wrong)
+    with pytest.raises(RunError, match=r"cannot simulate a Scenario, expected one of crowdsim\.draw_crowd"):
+        Simulation(scenario)
+    crowd = draw_crowd(scenario, load_policies(scenario))
+    with pytest.raises(RunError, match="cannot simulate a crowd without policies, expected one of"):
+        Simulation(replace(crowd, policies=()))
+    with pytest.raises(ScenarioError, match=r"policy 'tiny' is not among those given, none; "):
+        draw_crowd(scenario, [])
 
 
 def test_scenarios_from_plain_data_are_those_of_files(workplace: Path) -> None:
