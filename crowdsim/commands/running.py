@@ -179,7 +179,8 @@ def export(
     ply: Annotated[bool, typer.Option("--ply", help="Write PLY point clouds, one file a frame.")] = False,
     pcd: Annotated[bool, typer.Option("--pcd", help="Write PCD point clouds, one file a frame.")] = False,
     avatars: Annotated[
-        str | None, typer.Option(metavar="NUMBERS", help="Numbers of avatars: 0-9 or 0,3,5-7; all by default.")
+        str | None,
+        typer.Option(metavar="AVATARS", help="Numbers or names of avatars: 0-9 or 0,3,red_1; all by default."),
     ] = None,
     frames: Frames = None,
     fps: Annotated[float, typer.Option(metavar="FPS", min=1.0, max=1000.0, help="Output frames a second.")] = 60.0,

@@ -30,7 +30,7 @@ class ExportOptions:
 
     Attributes:
         kinds: ``bvh``, ``ply``, ``pcd``.
-        avatars: Their numbers, ``0-9`` or ``0,3,5-7``; all when None.
+        avatars: Their numbers or names, ``0-9`` or ``0,3,red_1``; all when None.
         frames: Output frames ``A:B``, in frames or seconds; all when None.
         fps: Output frames a second.
         every: Write every n-th output frame of point clouds.
@@ -84,7 +84,7 @@ def export_take(
     frames = (0, count)
     if options.frames is not None:
         frames = parse_frames(options.frames).resolve(count, fps, take.frame_limit(fps))
-    avatars = parse_avatars(options.avatars, take.avatar_count)
+    avatars = parse_avatars(options.avatars, take.cast)
     wanted = [Export(kind, fps, frames, avatars, options.every, options.points) for kind in options.kinds]
     made_from = {"take": _mark(take), "frames": frames, "avatars": avatars and list(avatars)}
     plan = Plan()

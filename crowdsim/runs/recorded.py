@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 KINDS = ("bvh", "ply", "pcd")
 """What takes can be exported as."""
+KEYS = ("every", "points")
+"""What else can be said of point clouds."""
 
 
 @dataclass(frozen=True)
@@ -50,31 +52,29 @@ class RecordedRun(Take):
         avatars: ArrayLike | None = None,
         frames: str | tuple[int, int] | None = None,
         fps: float = 60.0,
-        every: int = 1,
-        points: int = 500,
         threads: int = CORES,
         progress: Progress | None = None,
         force: bool = False,
+        **keys: int,
     ) -> list[Path]:
         """Write files of the run: the same bytes as those that its scenario or the command line asks for.
 
         Args:
             kinds: ``bvh``, ``ply`` or ``pcd``, or several of them; PCD needs Open3D.
             out: Folder for a folder of each kind; by default the run folder, where they replace those of their kind.
-            avatars: Numbers or names; all when None.
+            avatars: Numbers or names, or text such as ``0-9``; all when None.
             frames: Output frames, half-open: text such as ``0:120`` or ``2s:5s``, or two numbers; all when None.
             fps: Output frames a second.
-            every: Every n-th output frame of point clouds is written.
-            points: Points an avatar of point clouds.
             threads: Threads; the files do not depend on them.
             progress: Called with stage, done and total.
             force: Whether to do it again although it is done, and to replace exports in another folder.
+            **keys: Of point clouds, every n-th output frame as ``every``, and ``points`` an avatar.
 
         Returns:
             The files, by kinds.
 
         Raises:
-            CrowdsimError: There is no such kind.
+            CrowdsimError: There is no such kind or key.
             TakeError: Avatars or frames are not in the take, or the manifest is damaged.
             OutputError: A folder cannot be made or is in use, or holds other files of these names.
             RunError: A file cannot be written.
@@ -85,8 +85,13 @@ class RecordedRun(Take):
         for kind in wanted:
             if kind not in KINDS:
                 raise CrowdsimError(f"cannot export {kind!r}, expected {', '.join(KINDS)}{nearest(str(kind), KINDS)}")
-        chosen = None if avatars is None else ",".join(map(str, np.unique(self.cast.numbers(avatars))))
-        options = ExportOptions(wanted, chosen, _range_text(frames), fps, every, points)
+        for key in keys:
+            if key not in KEYS:
+                raise CrowdsimError(f"no export has the key {key!r}, expected {', '.join(KEYS)}{nearest(key, KEYS)}")
+        chosen = avatars if isinstance(avatars, str) else None
+        if chosen is None and avatars is not None:
+            chosen = ",".join(map(str, np.unique(self.cast.numbers(avatars))))
+        options = ExportOptions(wanted, chosen, _range_text(frames), fps, **keys)
         folder = self._place(out)
         written = export_take(self.folder or folder, self, self.policies, options, folder, threads, progress, force)
         return [path for files in written.values() for path in files]
