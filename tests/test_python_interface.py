@@ -4,6 +4,7 @@ import ast
 import json
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -297,6 +298,22 @@ def test_a_crowd_needs_the_policies_of_its_scenario(workplace: Path) -> None:
         draw_crowd(scenario, others)
 
 
+def test_what_is_no_scenario_or_crowd_is_refused(workplace: Path) -> None:
+    scenario = load_scenario(write_scene(workplace / "four.yaml"))
+    for wrong in ("four.yaml", {"name": "four"}, None):
+        expected = "is of type (str|dict|NoneType), expected a scenario, as crowdsim.load_scenario gives it"
+        for call in (run, load_policies, partial(crowdsim.run_to, "run"), lambda data: draw_crowd(data, [])):
+            with pytest.raises(ScenarioError, match=expected):
+                call(wrong)
+    with pytest.raises(RunError, match=r"cannot simulate a Scenario, expected one of crowdsim\.draw_crowd"):
+        Simulation(scenario)
+    crowd = draw_crowd(scenario, load_policies(scenario))
+    with pytest.raises(RunError, match="cannot simulate a crowd without policies, expected one of"):
+        Simulation(replace(crowd, policies=()))
+    with pytest.raises(ScenarioError, match=r"policy 'tiny' is not among those given, none; "):
+        draw_crowd(scenario, [])
+
+
 def test_scenarios_from_plain_data_are_those_of_files(workplace: Path) -> None:
     data = scene(duration="2s", seed=np.int64(3))
     data["groups"][0]["placement"]["start"] = np.array([-1.0, 0.7])
@@ -370,7 +387,7 @@ def test_exports_and_pictures_of_a_run_are_those_of_the_command_line(workplace: 
 
 
 def test_exports_and_pictures_that_cannot_be_are_refused(take: RecordedRun) -> None:
-    with pytest.raises(CrowdsimError, match=r"cannot export 'bhv', expected bvh, ply, pcd \(did you mean 'bvh'\?\)"):
+    with pytest.raises(CrowdsimError, match=r"there is no export 'bhv', expected bvh, csv, pcd or ply \(did you mean 'bvh'\?\)"):
         take.export("bhv", "out")
     with pytest.raises(
         OutputError, match="the run is in memory and has no folder, expected one for its files as 'out'"

@@ -18,7 +18,8 @@ from crowdsim.core.workers import CORES
 def export(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or its archive.")],
     avatars: Annotated[
-        str | None, typer.Option(metavar="NUMBERS", help="Numbers of avatars: 0-9 or 0,3,5-7; all by default.")
+        str | None,
+        typer.Option(metavar="AVATARS", help="Numbers or names of avatars: 0-9 or 0,3,red_1; all by default."),
     ] = None,
     frames: Frames = None,
     fps: Annotated[float, typer.Option(metavar="FPS", min=1.0, max=1000.0, help="Output frames a second.")] = 60.0,

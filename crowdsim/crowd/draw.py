@@ -39,7 +39,7 @@ from crowdsim.scenario.events import (
 )
 from crowdsim.scenario.groups import Opponents
 from crowdsim.scenario.parts import Arena, AvatarType, CircleArena, RectangleArena
-from crowdsim.scenario.scenario import Scenario
+from crowdsim.scenario.scenario import Scenario, check_loaded
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -75,6 +75,7 @@ def draw_crowd(scenario: Scenario, policies: Sequence[Policy], placed: Array | N
             stance in which it has too little motion.
         RunError: The policies' control rates differ.
     """
+    check_loaded(scenario)
     by_name = {policy.name: policy for policy in policies}
     rates = {name: float(policy.database.control_rate) for name, policy in by_name.items()}
     if len(set(rates.values())) > 1:

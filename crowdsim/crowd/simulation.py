@@ -52,8 +52,8 @@ class Simulation:
             ``direct`` in frames with up to ``SMALL`` avatars, the tree in others.
 
     Raises:
-        RunError: The policies do not go together, or a position is not finite.
-        ValueError: ``search`` is unknown, or the crowd has weights of fewer behaviours than a policy has.
+        RunError: The policies do not go together, the crowd has none or weights of fewer behaviours than one has, a
+            position is not finite, or ``search`` is unknown.
     """
 
     def __init__(
@@ -65,11 +65,14 @@ class Simulation:
         profiled: bool = False,
         model: Model | None = None,
     ) -> None:
+        if not isinstance(crowd, Crowd) or not len(crowd.policies):
+            what = "a crowd without policies" if isinstance(crowd, Crowd) else f"a {type(crowd).__name__}"
+            raise RunError(f"cannot simulate {what}, expected one of crowdsim.draw_crowd(scenario, policies)")
         if search not in SEARCHES:
-            raise ValueError(f"search is {search!r}, expected one of {', '.join(SEARCHES)}{nearest(search, SEARCHES)}")
+            raise RunError(f"search is {search!r}, expected one of {', '.join(SEARCHES)}{nearest(search, SEARCHES)}")
         most = max(len(policy.behaviours) for policy in crowd.policies)
         if crowd.weights.shape[1] < most:
-            raise ValueError(
+            raise RunError(
                 f"crowd has weights of {crowd.weights.shape[1]} behaviours, expected {most} as policies have"
             )
         self.crowd = crowd

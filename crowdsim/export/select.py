@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 
+from crowdsim.crowd.cast import Cast
 from crowdsim.errors import TakeError
 
 
-def parse_avatars(text: str | None, count: int) -> list[int] | None:
-    """Return the numbers that '0-9' or '0,3,5-7' means, ascending; None for all.
+def parse_avatars(text: str | None, cast: Cast) -> list[int] | None:
+    """Return the numbers that '0-9' or '0,3,red_1' means, ascending; None for all.
 
     Raises:
         TakeError: It means none, or avatars that the take does not have.
@@ -18,11 +19,11 @@ def parse_avatars(text: str | None, count: int) -> list[int] | None:
     numbers: set[int] = set()
     for part in text.split(","):
         match = re.fullmatch(r"\s*(\d+)\s*(?:-\s*(\d+)\s*)?", part)
-        if match is None:
-            raise TakeError(f"avatars {text!r}: {part.strip()!r} is no number or range, expected 0-9 or 0,3,5-7")
-        first, last = int(match[1]), int(match[2] or match[1])
-        if last >= count:
-            raise TakeError(f"avatars {text!r}: there is no avatar {last}, the take has 0 to {count - 1}")
+        try:
+            first, last = (int(match[1]), int(match[2] or match[1])) if match else (cast.number(part.strip()),) * 2
+            cast.number(last)
+        except TakeError as error:
+            raise TakeError(f"avatars {text!r}: {error}{'' if match else ', or a range as in 0-9'}") from None
         if first > last:
             raise TakeError(f"avatars {text!r}: {part.strip()!r} runs backwards, expected {last}-{first}")
         numbers.update(range(first, last + 1))

@@ -15,7 +15,7 @@ from crowdsim.machine import available_memory
 from crowdsim.policy.checks import DEFENCE
 from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.policy.flattening import STORED
-from crowdsim.scenario.scenario import Scenario
+from crowdsim.scenario.scenario import Scenario, check_loaded
 from crowdsim.take.header import TakeHeader
 
 if TYPE_CHECKING:
@@ -48,10 +48,12 @@ def load_policies(
     Raises:
         RecipeError: A recipe is invalid.
         PolicyError: A bundle is foreign or damaged, or capture for it is missing.
+        ScenarioError: ``scenario`` is none.
     """
     from crowdsim.policy.bundle import load_policy
     from crowdsim.self_play.train import ready_policy
 
+    check_loaded(scenario)
     policies = []
     for name in policy_names(scenario):
         shared = shared_bundle(name, mocap)

@@ -48,7 +48,7 @@ def choose_outputs(
         kinds: Names of outputs, of those in ``EXPORTS``.
         fps: Output frames a second; 60 when None.
         frames: Output frames ``A:B``, in frames or seconds; all when None.
-        avatars: Their numbers, ``0-9`` or ``0,3,5-7``; all when None.
+        avatars: Their numbers or names, ``0-9`` or ``0,3,red_1``; all when None.
         **keys: Other keys, for the outputs that have them, lists as text with commas too; None for the defaults.
 
     Raises:
@@ -64,12 +64,15 @@ def choose_outputs(
             raise CrowdsimError(f"there is no export {kind!r}, expected {join(EXPORTS)}{nearest(kind, EXPORTS)}")
     rate = fps or FPS
     count = take.output_frames(rate)
-    given: dict[str, Any] = {"fps": rate, "avatars": parse_avatars(avatars, take.avatar_count), "frames": (0, count)}
+    given: dict[str, Any] = {"fps": rate, "avatars": parse_avatars(avatars, take.cast), "frames": (0, count)}
     if frames is not None:
         given["frames"] = parse_frames(frames).resolve(count, rate, take.frame_limit(rate))
     more = {key: value for key, value in keys.items() if value is not None}
     for key in more:
         having = [kind for kind, output in EXPORTS.items() if key in output.model_fields]
+        if not having:
+            known = {name: None for output in EXPORTS.values() for name in output.model_fields}
+            raise CrowdsimError(f"no export has the key {key!r}, expected {join(known)}{nearest(key, known)}")
         if not set(having) & set(kinds):
             raise CrowdsimError(f"--{key} has no effect on {_options(kinds)}, expected {_options(having)} with it")
     chosen = []

@@ -62,7 +62,7 @@ class RecordedRun(Take):
         Args:
             kinds: ``bvh``, ``ply``, ``pcd`` or ``csv``, or several of them; PCD needs Open3D.
             out: Folder for a folder of each kind; by default the run folder, where they replace those of their kind.
-            avatars: Numbers or names; all when None.
+            avatars: Numbers or names, or text such as ``0-9``; all when None.
             frames: Output frames, half-open: text such as ``0:120`` or ``2s:5s``, or two numbers; all when None.
             fps: Output frames a second.
             threads: Threads; the files do not depend on them.
@@ -82,7 +82,9 @@ class RecordedRun(Take):
         from crowdsim.runs.exports import choose_outputs, export_take
 
         wanted = (kinds,) if isinstance(kinds, str) else tuple(kinds)
-        chosen = None if avatars is None else ",".join(map(str, np.unique(self.cast.numbers(avatars))))
+        chosen = avatars if isinstance(avatars, str) else None
+        if chosen is None and avatars is not None:
+            chosen = ",".join(map(str, np.unique(self.cast.numbers(avatars))))
         outputs = choose_outputs(self, wanted, fps, _range_text(frames), chosen, **keys)
         folder = self._place(out)
         written = export_take(self.folder or folder, self, self.policies, outputs, folder, threads, progress, force)

@@ -37,7 +37,7 @@ from crowdsim.runs.recorded import RecordedRun
 from crowdsim.runs.run import Report, Run
 from crowdsim.runs.stage import TAKE, Plan, Stage, complete, complete_alone, open_stage, refuse_others
 from crowdsim.scenario.output import Extent
-from crowdsim.scenario.scenario import Scenario, dump_scenario
+from crowdsim.scenario.scenario import Scenario, check_loaded, dump_scenario
 from crowdsim.scenario.warnings import policy_warnings
 from crowdsim.take.take import Take
 
@@ -79,6 +79,7 @@ def run(
     from crowdsim.runs.recording import record
     from crowdsim.take.memory import TakeCollector
 
+    check_loaded(scenario)
     one = Run(scenario, threads, mocap, progress, order=order)
     if policies is None:
         check_scenario(scenario)
@@ -115,6 +116,7 @@ def run_to(
         RunError: The run failed, or an output cannot be written.
         Interrupted: SIGINT or SIGTERM came; the take holds the frames that were done.
     """
+    check_loaded(scenario)
     one = Run(scenario, threads, mocap, progress, notify, Path(folder), force, command)
     resolved = dump_scenario(scenario)
     complete_alone(one.folder)

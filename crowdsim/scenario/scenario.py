@@ -102,6 +102,17 @@ def load_scenario(
     return resolved
 
 
+def check_loaded(scenario: Any) -> None:
+    """Raise an error unless ``scenario`` is one, since it is easily taken for its name or its keys.
+
+    Raises:
+        ScenarioError: It is something else.
+    """
+    if not isinstance(scenario, Scenario):
+        what = f"{scenario!r} is of type {type(scenario).__name__}"[:200]
+        raise ScenarioError(f"{what}, expected a scenario, as crowdsim.load_scenario gives it")
+
+
 def build_scenario(**keys: Any) -> Scenario:
     """Return the scenario with these keys, which are those of a file, resolved and checked as a file is.
 

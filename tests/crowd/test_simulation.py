@@ -384,7 +384,7 @@ def test_a_change_waits_for_its_condition():
 
 def test_weights_are_needed_for_every_behaviour():
     people = crowd(4)
-    with pytest.raises(ValueError, match="weights of 1 behaviours, expected 2"):
+    with pytest.raises(RunError, match="weights of 1 behaviours, expected 2"):
         Simulation(replace(people, weights=people.weights[:, :1], policies=POLICIES))
 
 
@@ -441,7 +441,7 @@ def test_scopes_add_up_to_the_whole(count):
 
 
 def test_an_unknown_index_is_refused_with_those_there_are():
-    with pytest.raises(ValueError, match="expected one of auto, kd_tree, scipy"):
+    with pytest.raises(RunError, match="expected one of auto, kd_tree, scipy"):
         Simulation(replace(crowd(), policies=POLICIES), search="kd_tre")
 
 
