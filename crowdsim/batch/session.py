@@ -87,8 +87,7 @@ class Session:
         progress.write(now=True)
         waiting = [run for id, run in self._plan.runs.items() if id not in progress.done]
         for run in waiting:
-            job = _job(self._folder, self._plan, run.id, self._name, self._options)
-            self._submitted[run.id] = self._submit(job, run)
+            self._submitted[run.id] = self._submit(self._job(run))
             self._watch(run.id)
         self._wait({run.id for run in waiting})
         # A scheduler complains of clients that leave while they listen to what becomes of clients.
@@ -109,19 +108,24 @@ class Session:
             self._look()
         self._look()
 
-    def _submit(self, job: Job, run: PlannedRun) -> list[Future]:
+    def _job(self, run: PlannedRun) -> Job:
+        """Return what the tasks of a run need to know."""
+        options, environment = self._options, self._plan.environment
+        return Job(self._folder, run, self._name, environment, options.retries, options.timeout, options.command)
+
+    def _submit(self, job: Job) -> list[Future]:
         """Send the tasks of a run: simulation, exports and ranges of pictures at once, and last what joins them."""
 
         def send(task: Callable[..., None], name: str, *values: Any) -> Future:
-            key = f"{name}-{job.session}-{job.id}"
-            return self._client.submit(task, job, *values, key=key, retries=self._options.retries, pure=False)
+            key = f"{name}-{job.session}-{job.run.id}"
+            return self._client.submit(task, job, *values, key=key, retries=job.retries, pure=False)
 
-        first, outputs = send(simulate, "simulate"), job.outputs
+        first, outputs = send(simulate, "simulate"), job.run.outputs
         if not has_outputs(outputs):
             return [first]
         parts = [send(export, f"export_{one.name}", one.name, first) for one in posed_outputs(outputs)]
         if outputs.render is not None:
-            for low, stop in frame_ranges(outputs.render, run, self._plan.batch.frames_per_task):
+            for low, stop in frame_ranges(outputs.render, job.run, self._plan.batch.frames_per_task):
                 parts.append(send(draw, f"draw_{low:08d}", low, stop, first))
         return [first, *parts, send(finish, "finish", *(parts or [first]))]
 
@@ -136,8 +140,7 @@ class Session:
         for id in pick_thumbnails(self._plan):
             path = thumbnail_path(self._folder, id)
             if id in self._progress.done and not path.is_file():
-                job = _job(self._folder, self._plan, id, self._name, self._options)
-                key = f"thumbnail-{self._name}-{id}"
+                job, key = self._job(self._plan.runs[id]), f"thumbnail-{self._name}-{id}"
                 futures.append(self._client.submit(thumbnail, job, path, key=key, pure=False))
         until = time.monotonic() + _THUMBNAILS
         for future in futures:
@@ -202,15 +205,6 @@ class Session:
             sum(not one.ended for one in read_attempts(log_path(self._folder, id, task), self._name)) for task in tasks
         ]
         return max(died, default=0) <= self._options.retries
-
-
-def _job(folder: Path, plan: Plan, id: str, session: str, options: BatchOptions) -> Job:
-    """Return what the tasks of a run need to know."""
-    run = plan.runs[id]
-    return Job(
-        folder, id, folder / run.folder, run.outputs, run.mark, run.policies, session, plan.environment,
-        options.retries, options.timeout, options.command,
-    )  # fmt: skip
 
 
 def frame_ranges(render: RenderOutput, run: PlannedRun, size: int) -> Iterator[tuple[int, int]]:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from crowdsim.batch.attempts import attempt, log_path
 from crowdsim.batch.engine import describe_environment
-from crowdsim.batch.plan import POLICIES, SCENARIOS, WORK
+from crowdsim.batch.plan import POLICIES, SCENARIOS, WORK, PlannedRun
 from crowdsim.batch.results import collect, write_result
 from crowdsim.files import entries, make_folder, remove_tree
 from crowdsim.runs.provenance import document_difference
@@ -44,11 +44,7 @@ class Job:
 
     Attributes:
         batch: Folder of the batch.
-        id: The run.
-        folder: Run folder.
-        outputs: What is written once its take is finished, resolved.
-        mark: Checksum of the outputs.
-        policies: Names of its policies.
+        run: The run.
         session: This session of the batch.
         environment: What a worker must be.
         retries: How often a task may be tried again.
@@ -57,11 +53,7 @@ class Job:
     """
 
     batch: Path
-    id: str
-    folder: Path
-    outputs: Outputs
-    mark: str
-    policies: tuple[str, ...]
+    run: PlannedRun
     session: str
     environment: Mapping[str, Any]
     retries: int
@@ -69,9 +61,14 @@ class Job:
     command: str
 
     @property
+    def folder(self) -> Path:
+        """Run folder."""
+        return self.batch / self.run.folder
+
+    @property
     def work(self) -> Path:
         """Folder of what is not in its place yet."""
-        return self.batch / WORK / self.id
+        return self.batch / WORK / self.run.id
 
 
 def simulate(job: Job) -> None:
@@ -82,11 +79,11 @@ def simulate(job: Job) -> None:
 
     with _attempt(job, "simulate") as progress:
         policies = _policies(job)
-        scenario = load_scenario(job.batch / SCENARIOS / job.id / RESOLVED, policies=job.policies)
+        scenario = load_scenario(job.batch / SCENARIOS / job.run.id / RESOLVED, policies=job.run.policies)
         _wait_for(job.folder)
         run_to(job.folder, scenario, 1, command=job.command, progress=progress, policies=policies)
-        if not has_outputs(job.outputs):
-            write_result(job.batch, job.id, collect(job.folder, _take(job), job.mark))
+        if not has_outputs(job.run.outputs):
+            write_result(job.batch, job.run.id, collect(job.folder, _take(job), job.run.mark))
 
 
 def export(job: Job, kind: str, *_: None) -> None:
@@ -96,7 +93,7 @@ def export(job: Job, kind: str, *_: None) -> None:
 
     with _attempt(job, f"export-{kind}") as progress:
         take = _take(job)
-        output = getattr(job.outputs, kind).within(extent_of(take))
+        output = getattr(job.run.outputs, kind).within(extent_of(take))
         out = job.work / f"export-{kind}"
         _wait_for(out)
         export_take(job.folder, take, take.policies, [output], out, 1, progress)
@@ -123,13 +120,13 @@ def finish(job: Job, *_: None) -> None:
     with _attempt(job, "finish") as progress:
         take = _take(job)
         _wait_for(job.folder)
-        for output in posed_outputs(job.outputs):
+        for output in posed_outputs(job.run.outputs):
             adopt_exports(job.folder, job.work / f"export-{output.name}", [output.within(extent_of(take))])
-        if job.outputs.render is not None:
+        if job.run.outputs.render is not None:
             _join(job, progress)
-        write_result(job.batch, job.id, collect(job.folder, take, job.mark))
+        write_result(job.batch, job.run.id, collect(job.folder, take, job.run.mark))
         with suppress(OSError):
-            remove_tree(job.batch, f"{WORK}/{job.id}")
+            remove_tree(job.batch, f"{WORK}/{job.run.id}")
 
 
 def thumbnail(job: Job, path: Path, *_: None) -> None:
@@ -174,7 +171,7 @@ def _join(job: Job, progress: Callable[[str, int, int], None]) -> None:
     def record(folder: Path, planned: Sequence[Path], mark: str) -> Iterator[Place]:
         with write_pictures(folder, planned, drawn, mark, folder) as writing:
             if not writing.done:
-                apart = [name for name in entries(job.batch, f"{WORK}/{job.id}") if name.startswith("pictures-")]
+                apart = [name for name in entries(job.batch, f"{WORK}/{job.run.id}") if name.startswith("pictures-")]
                 adopt_frames(writing.folder, [job.work / name for name in apart])
             yield Place(writing.folder, writing.done)
 
@@ -185,7 +182,7 @@ def _source(job: Job) -> tuple[TakeSource, RenderOptions]:
     """Return the source of a run's pictures, and how they are drawn."""
     from crowdsim.render.command import scenario_options
 
-    wanted = job.outputs.render
+    wanted = job.run.outputs.render
     assert wanted is not None
     options, source = scenario_options(wanted, 1), _open(job, wanted.fps)
     first, stop = wanted.asked_frames() or (0, source.frame_count)
@@ -209,7 +206,7 @@ def _take(job: Job) -> Take:
 
 
 def _policies(job: Job) -> list[Policy]:
-    return [_load_policy(job.batch / POLICIES / name) for name in job.policies]
+    return [_load_policy(job.batch / POLICIES / name) for name in job.run.policies]
 
 
 @lru_cache(maxsize=4)
@@ -241,10 +238,10 @@ def _attempt(job: Job, task: str) -> Iterator[Callable[[str, int, int], None]]:
         nonlocal reported
         if time.monotonic() - reported > _NEWS:
             reported = time.monotonic()
-            worker.log_event(topic(job.session), {"run": job.id, "stage": stage, "done": done, "total": total})
+            worker.log_event(topic(job.session), {"run": job.run.id, "stage": stage, "done": done, "total": total})
 
-    worker.log_event(topic(job.session), {"run": job.id, "stage": task, "done": 0, "total": 1})
-    with attempt(log_path(job.batch, job.id, task), job.session, job.retries, job.timeout, worker.address):
+    worker.log_event(topic(job.session), {"run": job.run.id, "stage": task, "done": 0, "total": 1})
+    with attempt(log_path(job.batch, job.run.id, task), job.session, job.retries, job.timeout, worker.address):
         yield report
 
 

@@ -61,7 +61,7 @@ def choose_outputs(
         raise CrowdsimError(f"nothing to export, expected {_options(EXPORTS)}")
     for kind in kinds:
         if kind not in EXPORTS:
-            raise CrowdsimError(f"there is no export {kind!r}, expected {join(EXPORTS)}{nearest(kind, EXPORTS)}")
+            raise CrowdsimError(f"cannot export {kind!r}, expected {', '.join(EXPORTS)}{nearest(str(kind), EXPORTS)}")
     rate = fps or FPS
     count = take.output_frames(rate)
     given: dict[str, Any] = {"fps": rate, "avatars": parse_avatars(avatars, take.cast), "frames": (0, count)}
@@ -71,8 +71,8 @@ def choose_outputs(
     for key in more:
         having = [kind for kind, output in EXPORTS.items() if key in output.model_fields]
         if not having:
-            known = {name: None for output in EXPORTS.values() for name in output.model_fields}
-            raise CrowdsimError(f"no export has the key {key!r}, expected {join(known)}{nearest(key, known)}")
+            known = list(dict.fromkeys(name for output in EXPORTS.values() for name in output.model_fields))
+            raise CrowdsimError(f"no export has the key {key!r}, expected {', '.join(known)}{nearest(key, known)}")
         if not set(having) & set(kinds):
             raise CrowdsimError(f"--{key} has no effect on {_options(kinds)}, expected {_options(having)} with it")
     chosen = []

@@ -72,7 +72,8 @@ class Output(StrictModel):
         kernels: What it needs kernels for (``jit.signatures``).
         stage: What its time counts as.
         always: Whether every run writes it.
-        from_take: Whether it is written from a take that is finished, and so again without simulating.
+        from_take: Whether a command of its own, ``export`` or ``render``, writes it from a take that is finished; all
+            others are written with the run.
         reads_policies: Whether ``findings_with`` looks at policies.
     """
 

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from scenes import crowdsim, write_scene
 
+from crowdsim.errors import CrowdsimError
 from crowdsim.export import stream
 from crowdsim.outputs.csv import CsvOutput
+from crowdsim.runs.exports import choose_outputs
 from crowdsim.runs.manifest import read_manifest
 from crowdsim.runs.opening import open_run
 
@@ -80,6 +82,22 @@ def test_the_command_writes_all_joints_of_some_frames_and_avatars(run: Path, cap
     assert error.endswith("(did you mean 'left_hand'?)\n")
     assert crowdsim(*words[:3], "--points", "3") == 2
     assert capsys.readouterr().err == "--points has no effect on --csv, expected --ply or --pcd with it\n"
+
+
+@pytest.mark.parametrize(
+    ("kinds", "keys", "what"),
+    [
+        (["cvs"], {}, "cannot export 'cvs', expected bvh, ply, pcd, csv (did you mean 'csv'?)"),
+        (["csv"], {"joint": "head"}, "no export has the key 'joint', expected frames, fps, avatars, every, points, "
+         "joints (did you mean 'joints'?)"),
+        (["csv"], {"every": 0}, "csv: every: Input should be greater than or equal to 1"),
+        (["csv"], {"frames": "5:2"}, "frames '5:2': is empty, expected the first frame before the last"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_chosen_is_said(run: Path, kinds: list[str], keys: dict, what: str) -> None:
+    with pytest.raises(CrowdsimError) as raised:
+        choose_outputs(open_run(run).take, kinds, **keys)
+    assert str(raised.value) == what
 
 
 def test_joints_that_there_are_not_are_found_before_a_run(workplace: Path, capsys) -> None:

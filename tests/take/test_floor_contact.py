@@ -13,7 +13,6 @@ from crowdsim.poses.kernels.columns import LOWER
 from crowdsim.poses.layers import floor
 from crowdsim.poses.motion import prepare_motion
 from crowdsim.poses.sampler import Poses
-from crowdsim.take import pipeline
 from crowdsim.take.take import Take
 
 LEGS, ARMS = [0.95, 1.05], [1.05, 0.95]
