@@ -19,6 +19,8 @@ _HARDEST = 380.0
 """Likewise of their acceleration [m/s^2]."""
 _SLOWEST = 0.12
 """How often a second, at the least, the fastest limb could cover all the room it uses."""
+_EARTH, _FLOATS, _DROPS = 9.81, 1.1, 70.0
+"""Acceleration downward of someone who is in the air, and bounds beyond which it is that of another clock [m/s^2]."""
 _READINGS = {
     "milliseconds": lambda value: 1000.0 / value,
     "microseconds": lambda value: 1e6 / value,
@@ -66,6 +68,10 @@ class TimeBase:
                 f"it is read as {fps:g} frames a second",
                 lambda: replace(reading, bvh=replace(bvh, fps=fps)),
             )
+        gravity = None if evidence is None else evidence.gravity
+        if gravity is not None and gravity > 0.0:
+            falls = f"bodies in the air fall at {gravity:.3g} m/s^2, as on earth at about"
+            what += f", and {falls} {written * np.sqrt(_EARTH / gravity):.0f} frames a second"
         outside = not _RATES[0] <= written <= _RATES[1]
         return Diagnosis(
             self.name,
@@ -74,7 +80,7 @@ class TimeBase:
             else f"{what}; {' and '.join(found)} are as likely",
             0.95,
             "refuse",
-            f"it is read at {FALLBACK:g} frames a second" if outside else "",
+            f"it is read at {FALLBACK:g} frames a second, or at others by their number" if outside else "",
             (lambda: replace(reading, bvh=replace(bvh, fps=FALLBACK))) if outside else None,
             needed=outside,
         )
@@ -95,4 +101,11 @@ def _fits(fps: float, evidence: Evidence | None) -> bool:
         return True
     highest = float(np.quantile(evidence.speeds, 0.99)) * fps / evidence.fps
     hardest = float(np.quantile(evidence.accelerations, 0.95)) * (fps / evidence.fps) ** 2
-    return _speed(fps, evidence) < _FASTEST and hardest < _HARDEST and highest > _SLOWEST * evidence.extent
+    fall = _EARTH if evidence.gravity is None else evidence.gravity * (fps / evidence.fps) ** 2
+    return (
+        _speed(fps, evidence) < _FASTEST
+        and hardest < _HARDEST
+        and highest > _SLOWEST * evidence.extent
+        and not 0.0 < fall < _FLOATS
+        and fall < _DROPS
+    )
