@@ -207,6 +207,7 @@ FAULTS: dict[str, tuple[str, Change]] = {
     "frames per second for a frame time": ("time_base", timed_in(lambda fps: fps)),
     "frame time a thousand times too short": ("time_base", timed_in(lambda fps: 1e-3 / fps)),
     "frame rate 5 times too high": ("time_base", lambda bvh: rate_of(5.0 * bvh.fps)(bvh)),
+    "frame rate 4 times too low": ("time_base", lambda bvh: rate_of(0.25 * bvh.fps)(bvh)),
     "root in m, bones in cm": ("root_path", root_scaled(0.01)),
     "root in mm, bones in cm": ("root_path", root_scaled(10.0)),
     "root in inches, bones in m": ("root_path", root_scaled(39.37)),

@@ -32,10 +32,6 @@ LONGEST = 12.0
 """Time of each clip that is used [s]."""
 CLOSE = 0.04
 """Share of the body's height within which a repaired motion is that of the clean clip."""
-IMPOSSIBLE = {
-    "frame rate 5 times too high": "a calm motion five times as fast is that of someone in a hurry",
-    "root does not travel": "not repaired unless asked for; clips that hardly travel have no such fault",
-}
 
 
 def sources(clips: int) -> list[tuple[str, Capture]]:
@@ -104,7 +100,7 @@ def judge(row: dict[str, Any], name: str, true: Capture, capture: Capture) -> No
     restored = not refused and is_restored(true, capture)
     row["repaired"] += restored
     if not (hit and (restored or refused)):
-        row["missed"].append(f"{name}: {'; '.join(outcome.words for outcome in outcomes.values()) or 'nothing found'}")
+        row["missed"].append(f"{name}: {', '.join(outcomes) or 'nothing found'}")
 
 
 def is_restored(true: Capture, capture: Capture) -> bool:

@@ -17,6 +17,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from _capture_tables import CAPTURE_TABLES
 from _paper_tables import PAPER_TABLES
 from _performance_tables import PERFORMANCE_TABLES
 from _quality_tables import QUALITY_TABLES
@@ -30,6 +31,7 @@ PAGES = {
     "docs/quality.md": QUALITY_TABLES,
     "docs/performance.md": PERFORMANCE_TABLES,
     "docs/paper.md": PAPER_TABLES,
+    "docs/own_capture.md": CAPTURE_TABLES,
 }
 """Tables of each page: functions that return lines, by the name in the marker."""
 MARKER = re.compile(r"<!-- (?:table: (?P<name>[\w-]+)|end) -->")

@@ -29,7 +29,8 @@ degrees."""
 _ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 _POSITIONS = ("Xposition", "Yposition", "Zposition")
 _STILL = 1e-5
-_MOST_POSES = 1 << 26
+_MOST_POSES, _FEW_POSES = 1 << 26, 1 << 22
+_MOST_JOINTS_A_NUMBER = 4
 
 
 def rotate_up(vectors: ArrayLike, up_axis: str) -> Array:
@@ -66,8 +67,13 @@ def to_clip(bvh: Bvh, unit_scale: float = 1.0, up_axis: str = "y") -> Clip:
     roots = np.flatnonzero(bvh.parents < 0)
     joints = int(roots[1]) if len(roots) > 1 else bvh.joint_count
     frames = bvh.frame_count
-    if frames * joints > _MOST_POSES:
-        raise BvhError(f"{bvh.path}:1:1: {frames} frames of {joints} joints are more than fit in memory")
+    # Joints without channels cost a file nothing, and memory as much as others do.
+    if frames * joints > min(_MOST_POSES, max(_FEW_POSES, _MOST_JOINTS_A_NUMBER * bvh.motion.size)):
+        raise BvhError(
+            f"{bvh.path}:1:1: {frames} frames of {joints} joints are more than fit in memory, expected at most "
+            f"{_MOST_POSES:,} poses of joints, and no more than {_MOST_JOINTS_A_NUMBER} for each number of a file that "
+            "is long"
+        )
 
     offsets = rotate_up(bvh.offsets[:joints] * unit_scale, up_axis)
     rotations = _read_rotations(bvh, joints, up_axis)

@@ -14,6 +14,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import HEIGHT, Body
+from crowdsim.motion.contacts import runs
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.skeleton import Clip
 from crowdsim.motion.tracks import Tracks, build_tracks
@@ -22,6 +23,10 @@ _WINDOW, _WINDOWS = 2000, 10
 """Frames that are looked at in a row, and how many such windows of a clip that is longer."""
 _SMOOTH, _STEP = 0.02, 0.1
 """Widths of the smoothing of paths, and of what is looked at over the time of a step [s]."""
+_FLIES, _ABOVE = 0.045, 0.6
+"""Heights over the floor of the lower sole and of the trunk of someone who flies [m]."""
+_FLIGHT, _SAG = 6, 0.02
+"""Frames that a flight has, at the least, and how much its path departs from a straight line [m]."""
 _COUNTED = 0.94
 """Share of frames that count, by the speed of the root."""
 SIDES = ("left", "right")
@@ -117,6 +122,23 @@ class Evidence:
     def travel(self) -> Array:
         """Velocity of the pelvis over the time of a step. Shape (N, 3)."""
         return self._smooth(self.root_velocity, _STEP)
+
+    @cached_property
+    def gravity(self) -> float | None:
+        """Median acceleration downward of the trunk while both feet are off the floor [1/s^2]; None without flights."""
+        low = self.soles[..., 1].min(axis=1)
+        trunk = 0.5 * (self.at("pelvis") + self.at("chest"))[:, 1]
+        floor = float(np.quantile(low, 0.1))
+        found = []
+        for start, stop in runs(self.inside & (low > floor + _FLIES) & (trunk > floor + _ABOVE)):
+            if stop - start < _FLIGHT:
+                continue
+            frames = np.arange(stop - start) - 0.5 * (stop - start - 1)
+            parts = np.polyfit(frames, trunk[start:stop], 2)
+            sag = abs(parts[0]) * (0.5 * (stop - start)) ** 2
+            if sag > _SAG and np.std(trunk[start:stop] - np.polyval(parts, frames)) < 0.15 * sag:
+                found.append(-2.0 * parts[0] * self.fps**2)
+        return float(np.median(found)) if len(found) > 1 else None
 
     @cached_property
     def counted(self) -> Array:

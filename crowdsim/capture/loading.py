@@ -136,10 +136,16 @@ def load_capture(
         BvhError: The file is no BVH.
         MotionError: The given unit, axis or kind of fault is unknown.
     """
+    return _interpret(read_bvh(path), unit, up_axis, faults)
+
+
+def _interpret(
+    bvh: Bvh, unit: str | float | None, up_axis: str | None, faults: Mapping[str, str | float] | None
+) -> Capture:
+    """Find out what a file is."""
     scale = None if unit is None else units.parse_unit(unit)
     axis = None if up_axis is None else units.parse_up_axis(up_axis)
     choices = check_choices(faults or {})
-    bvh = read_bvh(path)
     notes = _Notes(bvh)
     rate = choices.pop(RATE, None)
     if isinstance(rate, float):
@@ -243,6 +249,8 @@ def _spans(reading: Reading) -> list[tuple[int, int]]:
 def usable_clips(capture: Capture, strict: bool = True) -> list[MeasuredClip]:
     """Return a capture's clips with their body and lead-in, if it can be trained on: one, or those between losses.
 
+    Clips between losses are called by the frame that they begin with: ``walk@0``, ``walk@706``.
+
     Args:
         capture: The capture.
         strict: Refuse wrong row counts and flips of joints too, not only what has no motion of a body of known size.
@@ -262,7 +270,10 @@ def usable_clips(capture: Capture, strict: bool = True) -> list[MeasuredClip]:
     spans = [span for span in capture.spans if span[1] - span[0] >= least] or [
         max(capture.spans, key=lambda span: span[1] - span[0])
     ]
-    return [MeasuredClip(capture.clip.sliced(*span), body) for span in spans]
+    if len(spans) == 1:
+        return [MeasuredClip(capture.clip.sliced(*spans[0]), body)]
+    parts = [replace(capture.clip.sliced(*span), name=f"{capture.clip.name}@{span[0]}") for span in spans]
+    return [MeasuredClip(part, body) for part in parts]
 
 
 def without_path(finding: str, path: str) -> str:

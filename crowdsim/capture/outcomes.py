@@ -37,8 +37,9 @@ class Outcome:
         if self.done == "kept":
             return f"{sure}; kept as it is, as asked"
         if self.refused:
-            remedy = f"; with faults: {{{found.fault}: repair}}, {found.remedy}" if found.remedy else ""
-            return f"{sure}; not to be trained on{', as asked' if self.asked else ''}{remedy}"
+            ways = [f"repair ({found.remedy})"] * (found.repair is not None) + ["keep"] * (not found.needed)
+            unless = "as asked" if self.asked else f"unless motion.capture.faults says {' or '.join(ways)}"
+            return f"{sure}; not trained on, {unless}"
         return f"{sure}; {found.remedy}{', as asked' if self.asked else ''}"
 
 

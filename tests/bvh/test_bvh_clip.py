@@ -101,3 +101,14 @@ def test_real_capture_matches_other_readers(mocap):
             if joint.Name in walk.names:
                 place = positions[frame, walk.names.index(joint.Name)]
                 np.testing.assert_allclose(place, list(joint.PositionWorld), atol=2e-3)
+
+
+def test_joints_without_channels_take_no_more_memory_than_the_rows_of_a_file_could_hold():
+    def file(joints, rows):
+        tree = "".join(f"JOINT b{joint} {{OFFSET 0 1 0}} " for joint in range(joints))
+        head = f"HIERARCHY ROOT a {{OFFSET 0 0 0 CHANNELS 1 Xrotation {tree}}} MOTION Frames: 1 Frame Time: 0.01\n"
+        return parse_bvh((head + "0\n" * rows).encode(), "a.bvh")
+
+    assert to_clip(file(900, 100)).rotations.shape == (100, 901, 4)
+    with pytest.raises(BvhError, match="60000 frames of 901 joints are more than fit in memory, expected at most"):
+        to_clip(file(900, 60_000))

@@ -53,8 +53,11 @@ class RootHeld:
 
 
 def _drawn(path: Array) -> Array:
-    """A path through the first frames of all places at which it stays."""
-    arrives = np.flatnonzero(np.concatenate([[True], (np.diff(path, axis=0) != 0.0).any(axis=1)]))
-    known = np.append(arrives, len(path) - 1) if arrives[-1] < len(path) - 1 else arrives
-    frames = np.arange(len(path))
-    return np.stack([np.interp(frames, known, path[known, axis]) for axis in range(3)], axis=1)
+    """A path through the first frames of all places at which it stays, and on as it goes after the last of them."""
+    known = np.flatnonzero(np.concatenate([[True], (np.diff(path, axis=0) != 0.0).any(axis=1)]))
+    places = path[known]
+    if known[-1] < len(path) - 1:
+        further = (len(path) - 1 - known[-1]) / (known[-1] - known[-2])
+        places = np.concatenate([places, places[-1:] + min(further, 1.0) * (places[-1:] - places[-2:-1])])
+        known = np.append(known, len(path) - 1)
+    return np.stack([np.interp(np.arange(len(path)), known, places[:, axis]) for axis in range(3)], axis=1)

@@ -11,14 +11,20 @@ from crowdsim.capture.evidence import Evidence
 from crowdsim.capture.faults.diagnosis import Diagnosis
 from crowdsim.capture.reading import Reading
 
-_RATES = (10.0, 1000.0)
+_RATES = (4.0, 1000.0)
 """Rates at which motion is captured or exported [1/s]."""
+_MORE_RATES = (10.0, 15.0, 20.0, 40.0)
+"""Rates in use besides those of capture [1/s]."""
+_USUAL = 3.0
+"""A usual speed of the fastest limb [m/s]."""
 _FASTEST = 18.0
 """Speed against the pelvis that hands, feet and head of a body of ``HEIGHT`` keep below in 95 of 100 frames [m/s]."""
 _HARDEST = 380.0
 """Likewise of their acceleration [m/s^2]."""
 _SLOWEST = 0.12
 """How often a second, at the least, the fastest limb could cover all the room it uses."""
+_EARTH, _FLOATS, _DROPS = 9.81, 1.1, 70.0
+"""Acceleration downward of someone who is in the air, and bounds beyond which it is that of another clock [m/s^2]."""
 _READINGS = {
     "milliseconds": lambda value: 1000.0 / value,
     "microseconds": lambda value: 1e6 / value,
@@ -29,8 +35,6 @@ _READINGS = {
 """Frames a second by what a number after ``Frame Time:`` may be."""
 FALLBACK = 30.0
 """Rate at which motion is read whose own is impossible and unknown [1/s]."""
-_MOST_SECONDS = 100_000.0
-"""Longest clip [s]."""
 
 
 class TimeBase:
@@ -44,15 +48,15 @@ class TimeBase:
         if bvh.frame_count < 2 or bvh.frame_time <= 0.0:
             return None
         written = bvh.fps
-        if _fits(written, evidence) and bvh.frame_count / written < _MOST_SECONDS:
+        if _fits(written, evidence) or (evidence is None and 1.0 <= written <= 2000.0):
             return None
+        outside = not _RATES[0] <= written <= _RATES[1]
         found = {}
         for unit, rate in _READINGS.items():
             fps = rate(bvh.frame_time)
             if np.isfinite(fps) and _fits(fps, evidence) and _speed(fps, evidence) > 0.3:
                 found[unit] = snap_rate(f"{1.0 / fps:.6f}", 1.0 / fps)
-        usual = {unit: fps for unit, fps in found.items() if fps in COMMON_RATES}
-        found = usual or found
+        found = _likely(found, evidence)
         what = f"frame time {bvh.frame_time:g} means {written:.6g} frames a second"
         if evidence is not None and len(evidence.speeds):
             what += f", at which limbs move at {_speed(written, evidence):.3g} m/s"
@@ -65,8 +69,12 @@ class TimeBase:
                 "repair" if evidence is not None else "refuse",
                 f"it is read as {fps:g} frames a second",
                 lambda: replace(reading, bvh=replace(bvh, fps=fps)),
+                needed=outside,
             )
-        outside = not _RATES[0] <= written <= _RATES[1]
+        gravity = None if evidence is None else evidence.gravity
+        if gravity is not None and gravity > 0.0:
+            falls = f"bodies in the air fall at {gravity:.3g} m/s^2, as on earth at about"
+            what += f", and {falls} {written * np.sqrt(_EARTH / gravity):.0f} frames a second"
         return Diagnosis(
             self.name,
             f"{what}; no other reading of that number makes a body's motion of it"
@@ -74,10 +82,20 @@ class TimeBase:
             else f"{what}; {' and '.join(found)} are as likely",
             0.95,
             "refuse",
-            f"it is read at {FALLBACK:g} frames a second" if outside else "",
+            f"it is read at {FALLBACK:g} frames a second, or at those given instead" if outside else "",
             (lambda: replace(reading, bvh=replace(bvh, fps=FALLBACK))) if outside else None,
             needed=outside,
         )
+
+
+def _likely(found: dict[str, float], evidence: Evidence | None) -> dict[str, float]:
+    """Those of several readings that are rates in use, and the one of them whose speeds are plainly more usual."""
+    found = {unit: fps for unit, fps in found.items() if fps in (*COMMON_RATES, *_MORE_RATES)} or found
+    odd = {unit: abs(float(np.log(_speed(fps, evidence) / _USUAL))) for unit, fps in found.items()}
+    if len(found) < 2:
+        return found
+    first, second = sorted(odd, key=lambda unit: odd[unit])[:2]
+    return {first: found[first]} if odd[first] + 1.0 < odd[second] else found
 
 
 def _speed(fps: float, evidence: Evidence | None) -> float:
@@ -95,4 +113,11 @@ def _fits(fps: float, evidence: Evidence | None) -> bool:
         return True
     highest = float(np.quantile(evidence.speeds, 0.99)) * fps / evidence.fps
     hardest = float(np.quantile(evidence.accelerations, 0.95)) * (fps / evidence.fps) ** 2
-    return _speed(fps, evidence) < _FASTEST and hardest < _HARDEST and highest > _SLOWEST * evidence.extent
+    fall = _EARTH if evidence.gravity is None else evidence.gravity * (fps / evidence.fps) ** 2
+    return (
+        _speed(fps, evidence) < _FASTEST
+        and hardest < _HARDEST
+        and highest > _SLOWEST * evidence.extent
+        and not 0.0 < fall < _FLOATS
+        and fall < _DROPS
+    )
