@@ -73,7 +73,7 @@ def precisions(policy: Policy, name: str, spec: BehaviourSpec, threads: int) -> 
 def prices(policy: Policy, name: str, spec: BehaviourSpec, threads: int) -> Iterator[str]:
     """Yield what the price of transitions does, a line each; what is earned is the return without it."""
     states, targets = starts_for(policy, spec, STARTS)
-    rewards = [term.model_dump(mode="json") for term in spec.rewards if term.kind != "transition"]
+    rewards = [term.model_dump(mode="json") for term in spec.rewards if not isinstance(term, TransitionTerm)]
     price = next((term for term in spec.rewards if isinstance(term, TransitionTerm)), None)
     if price is None:
         return

@@ -8,6 +8,7 @@ import naive_defence
 import numpy as np
 from naive_legs import crosses_legs
 from naive_opponents import nearest, neighbours
+from naive_policy import action_values
 from naive_strikes import at, thrown, what_is_seen
 
 from crowdsim.crowd.kernels.choose import BURSTS, REDRAWN
@@ -31,7 +32,6 @@ from crowdsim.crowd.script import target_positions
 from crowdsim.crowd.stances import stance_actions
 from crowdsim.motion import ground
 from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.policy.policy import action_values
 
 
 class Avatar:

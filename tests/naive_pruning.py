@@ -1,8 +1,9 @@
 """Pruning as its module says it, without a compiled line."""
 
 import numpy as np
+from naive_policy import action_values
 
-from crowdsim.policy.policy import Policy, action_values
+from crowdsim.policy.policy import Policy
 from crowdsim.training.behaviours import train_behaviour
 from crowdsim.training.pruning import _coarse
 from crowdsim.training.ranges import sample_targets

@@ -4,6 +4,7 @@ import itertools
 import math
 
 import numpy as np
+from naive_policy import comes_through
 
 from crowdsim.crowd.kernels.guards import STEPS
 from crowdsim.crowd.kernels.layout import BLOCKED, EVADED, LANDED, MISSED
@@ -11,7 +12,6 @@ from crowdsim.crowd.model import TOLERANCE
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import PARTS
 from crowdsim.motion.strikes import LIMBS
-from crowdsim.policy.rewards import comes_through
 
 
 def at(rows, place):

@@ -7,9 +7,8 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from naive_policy import random_actions
+from naive_policy import action_reward, random_actions
 
-from crowdsim.policy.action_rewards import action_reward
 from crowdsim.policy.environment import build_grid
 from crowdsim.policy.policy import Behaviour, Policy
 from crowdsim.policy.rewards import TargetBody, TransitionTerm

@@ -1,4 +1,4 @@
-"""Whether a fist lands on a body: within a tolerance of the surface of head and torso (``policy.rewards.lands``).
+"""Whether a fist lands on a posed body: within a tolerance of the surface of head and torso (``policy.rewards.lands``).
 
 A body is a ball, the head, and a capsule, the torso; its signed distance is the lesser of the distances from the two.
 Points are tuples of three numbers [m].
@@ -12,37 +12,6 @@ from crowdsim.jit import kernel
 
 BEYOND = 1.1
 """Square of how much further than a body's axis a kick may end that lands on its side."""
-
-
-class BodySizes(NamedTuple):
-    """Sizes of an upright body for which only the centre of the head is known [m].
-
-    Attributes:
-        head_radius: Radius of the head.
-        torso_radius: Radius of the torso.
-        neck_drop: How far the upper end of the torso's axis lies under the centre of the head.
-        pelvis_drop: How far its lower end does.
-    """
-
-    head_radius: float
-    torso_radius: float
-    neck_drop: float
-    pelvis_drop: float
-
-
-@kernel(inline=True)
-def lands_on_upright_body(fist, head, sizes, tolerance):
-    """Return whether a fist lands on a body whose torso is upright under the head; ``sizes`` are ``BodySizes``."""
-    dx, dz = fist[0] - head[0], fist[2] - head[2]
-    aside = dx * dx + dz * dz
-    reach = max(sizes.head_radius, sizes.torso_radius) + tolerance
-    if aside > 1.0001 * reach * reach:
-        return False  # most fists are that far away, and need no roots
-    dy = fist[1] - head[1]
-    distance = math.sqrt(aside + dy * dy) - sizes.head_radius
-    dy = fist[1] - min(max(fist[1], head[1] - sizes.pelvis_drop), head[1] - sizes.neck_drop)
-    distance = min(distance, math.sqrt(aside + dy * dy) - sizes.torso_radius)
-    return -tolerance <= distance <= tolerance
 
 
 @kernel(inline=True)

@@ -37,15 +37,13 @@ class Model(NamedTuple):
             action's start [m], its speed [m/s], the limb, which of its state's actions it is in, where it comes
             from (``Actions.strike_origins``), and what it earns where it lands by each strike term of the policy; then
             room. Shape (K, 8 or more), float32.
-        behaviours: As in ``policy.LookupTables``, places moved; then what a transition costs the behaviour, for a cost
-            of 1 and for each one. Shape (B, 13), float64.
+        behaviours: As in ``policy.LookupTables``, places moved. Shape (B,), ``records.BEHAVIOUR``.
         discounts: Powers of each behaviour's discount: row 0 from 0 on; row T for frames 1 to T, and zeros behind them.
             Shape (B, longest T + 1, longest T + 1 or more), float64.
-        grids: For each behaviour its axes of distance, bearing and height: the first grid point, grid points in a unit
-            (both squeezed, see ``environment.Axis``), how many there are, whether the axis wraps, how far apart they
-            lie in a table, over how much the behaviour fades beyond them (0 not at all), the least and the greatest
-            grid point, and the rate of squeezing. One that it does not have is a single point. (B, 3, 9), float64.
-        terms: Likewise, but for transition terms. Shape (n, 13), float64.
+        grids: For each behaviour its axes, in the order of ``policy.axes.registry.AXES``; one that it does not have is
+            a single point. Shape (B, axes), ``layout.GRID_AXIS``.
+        terms: As in ``policy.LookupTables``, with the column of ``strikes`` that holds what a strike earns; in the one
+            behind it is what it costs where it is wasted. Shape (n,), ``terms.registry.TERM``.
         table: Likewise; float32 where policies of a run differ. Flat, float32, uint8 or uint16.
         ground: Ground transform of each playback frame in its clip's world. Shape (L, 3), float64.
         starts: What lies on the avatar's ground transform as actions start, in the clip's world. Shape (A, 3), float64.

@@ -15,7 +15,8 @@ class Scratch(NamedTuple):
     """Scratch space for a batch of avatars that choose, and for all actions of a state.
 
     Attributes:
-        situations: Where each one's target is and how it moves (``values.value_actions``). Shape (batch, 6), float64.
+        situations: Where each one's target is, how it moves and which way it faces (``values.value_actions``).
+            Shape (batch, 7), float64.
         states: The state that it chooses in, -1 where there is no opponent. Shape (batch,), int32.
         cohorts: Its cohort. Shape (batch,), int32.
         policies: Its policy. Shape (batch,), int32.
@@ -32,7 +33,6 @@ class Scratch(NamedTuple):
             Shape (2 * behaviours, actions of a block), float64.
         work: Where the target is seen from there: x, z, distance, bearing; the state; then for each behaviour the
             shares of the next distance and bearing. Shape (5 + 2 * behaviours, actions of a block), float64.
-        gaps: How far from where it should be a target is in each control frame of a state's actions [m]. float64.
         rows: A number for each control frame of a state's actions, or for each action. float64.
         near: Neighbours that may be in the way. Shape (most neighbours, 10), float64.
     """
@@ -50,7 +50,6 @@ class Scratch(NamedTuple):
     nears: Array
     cells: Array
     work: Array
-    gaps: Array
     rows: Array
     near: Array
 
@@ -74,7 +73,7 @@ def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
     behaviours = int(np.diff(model.policies[:, layout.BEHAVIOURS]).max())
     rows = int(np.diff(model.actions[model.offsets, layout.PATHS]).max()) + lanes
     return Scratch(
-        situations=np.zeros((batch, 6)),
+        situations=np.zeros((batch, 7)),
         states=np.empty(batch, np.int32),
         cohorts=np.empty(batch, np.int32),
         policies=np.empty(batch, np.int32),
@@ -87,7 +86,6 @@ def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
         nears=np.empty(behaviours, np.int64),
         cells=np.zeros((2 * behaviours, block * width)),
         work=np.zeros((5 + 2 * behaviours, block * width)),
-        gaps=np.empty(rows),
         # Rows behind the last action are read and weighed by zero, which needs them to be finite.
         rows=np.zeros(max(rows, width)),
         near=np.empty((max(neighbours, 1), 10)),

@@ -22,12 +22,11 @@ from crowdsim.crowd.model_tables import (
     behaviour_rows,
     count_rows,
     discount_rows,
-    grid_rows,
+    grid_records,
     halt_rows,
     joined,
     joined_offsets,
     move_rows,
-    note_prices,
     padded,
     path_frames,
     reach_rows,
@@ -36,10 +35,10 @@ from crowdsim.crowd.model_tables import (
 )
 from crowdsim.crowd.resting import note_walks, rest_rows, walk_rows
 from crowdsim.crowd.stances import stance_rows
-from crowdsim.errors import PolicyError, RunError
+from crowdsim.errors import RunError
 from crowdsim.policy.defence import join_defences
 from crowdsim.policy.environment import HALFWAY, LEAD
-from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, Term, TransitionTerm, supported, term_name
+from crowdsim.policy.rewards import StrikeTerm
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -59,22 +58,12 @@ AT_REST = 0.25
 FULL_REACH = 0.8
 """Distance over the ground of half of the strikes from which on bodies keep the whole gap [m]."""
 
-SUPPORTED_TERMS: tuple[type[Term], ...] = (StrikeTerm, ProximityTerm, TransitionTerm)
-"""Reward terms that control evaluates when it looks ahead. A further one needs a branch in ``rewards.add_terms`` of
-``kernels``, or a share in ``move_rows`` where what it is worth does not depend on the target."""
-
-SUPPORTED_AXES = ("distance", "bearing", "height")
-"""Axes that control measures. A further one needs a row in ``Model.grids``, and its share in ``fade`` and
-``locate_ends`` of ``kernels/tables.py`` and in ``kernels/values.py``, which have three."""
-
 
 def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model:
     """Return all policies one after another, ``with_stances`` if avatars have them; a single table is not copied.
 
     Raises:
         RunError: The policies run at different control rates.
-        PolicyError: A behaviour has an axis that control does not measure, or looks ahead by a reward term that it does
-            not evaluate.
     """
     _check_together(policies)
     tables = [policy.lookup_tables() for policy in policies]
@@ -82,13 +71,11 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
     databases = [policy.database for policy in policies]
     starts = count_rows(policies, tables)
     behaviours, values = behaviour_rows(policies, tables, starts)
-    terms = joined([table.terms for table in tables], np.float64)
-    note_prices(behaviours, terms)
+    terms = np.concatenate([table.terms for table in tables])
     paths = joined([action.paths for action in actions], np.float64)
     displacements = np.concatenate([action.displacements for action in actions]).astype(float)
-    moves = move_rows(displacements, actions, behaviours, terms, starts)
+    moves = move_rows(displacements, policies, tables, starts)
     strikes = strike_rows(policies, behaviours, terms, starts)
-    wanted = _without_transitions(behaviours, terms)
     halts, offsets = np.concatenate([halt_rows(one) for one in actions]), joined_offsets(actions, starts["action"])
     rests, ways_to_rest = rest_rows(policies, starts)
     note_walks(policies, starts, halts)
@@ -106,9 +93,9 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
         paths=padded([paths[:, 0], paths[:, 1], np.cos(paths[:, 2]), np.sin(paths[:, 2]), path_frames(actions)]),
         strikes=strikes,
         behaviours=behaviours,
-        discounts=discount_rows(behaviours[:, layout.DISCOUNT], int(max(action.lengths.max() for action in actions))),
-        grids=grid_rows(behaviours, joined([table.axes for table in tables], np.float64)),
-        terms=terms[wanted],
+        discounts=discount_rows(behaviours["discount"], int(max(action.lengths.max() for action in actions))),
+        grids=grid_records(policies),
+        terms=terms,
         table=values,
         ground=joined([database.ground for database in databases], np.float64),
         starts=np.concatenate(origins),
@@ -128,47 +115,11 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
 
 
 def _check_together(policies: Sequence[Policy]) -> None:
-    """See to it that control has kernels for all of some policies, and that they have one control rate."""
-    for policy in policies:
-        check_support(policy)
+    """Raise an error where policies run at different control rates."""
     rates = {policy.database.control_rate for policy in policies}
     if len(rates) > 1:
         names = ", ".join(f"{policy.name} at {policy.database.control_rate:g} Hz" for policy in policies)
         raise RunError(f"policies of one run decide at different rates: {names}; expected one control rate")
-
-
-def _without_transitions(behaviours: Array, terms: Array) -> Array:
-    """Return which terms control evaluates, and let behaviours count those alone. Shape (terms,), bool.
-
-    Costs of transitions do not depend on the target and are part of ``moves``.
-    """
-    wanted: Array = terms[:, layout.KIND] != TransitionTerm.code
-    kept = np.concatenate([[0], np.cumsum(wanted)])
-    of_terms = slice(layout.FIRST_TERM, layout.LOOKS_AHEAD)
-    behaviours[:, of_terms] = kept[behaviours[:, of_terms].astype(int)]
-    return wanted
-
-
-def check_support(policy: Policy) -> None:
-    """See to it that control has kernels for all axes of a policy, and for the reward terms that it looks ahead by.
-
-    Raises:
-        PolicyError: It has not; the message names policy, behaviour, and axis or term.
-    """
-    for behaviour in policy.behaviours:
-        where = f"policy {policy.name!r}, behaviour {behaviour.name!r}"
-        for axis in behaviour.grid.axes:
-            if axis.name not in SUPPORTED_AXES:
-                raise PolicyError(
-                    f"{where}: {axis.name!r} is no axis that control measures, expected one of "
-                    f"{', '.join(SUPPORTED_AXES)}"
-                )
-        for term in behaviour.terms if behaviour.lookup == "v" else ():
-            if not isinstance(term, SUPPORTED_TERMS):
-                raise PolicyError(
-                    f"{where}: {term_name(term)!r} is no reward term that control evaluates with the look-up v, "
-                    f"{supported(SUPPORTED_TERMS)}, or the look-up q"
-                )
 
 
 def entry_actions(model: Model) -> Array:

@@ -10,7 +10,8 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.crowd.kernels import layout
 from crowdsim.motion import ground
-from crowdsim.policy.rewards import StrikeTerm, TransitionTerm
+from crowdsim.policy.axes.registry import AXES
+from crowdsim.policy.rewards import StrikeTerm
 
 if TYPE_CHECKING:
     from crowdsim.policy.actions import Actions
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
 
 BRAKING = 4
 """Actions in which a body can halt out of any motion."""
-
-_ONCE = 2  # column of a transition term: what each transition costs
 
 
 def count_rows(policies: Sequence[Policy], tables: Sequence[LookupTables]) -> dict[str, Array]:
@@ -46,21 +45,22 @@ def _spare_states(actions: Actions) -> int:
 def behaviour_rows(
     policies: Sequence[Policy], tables: Sequence[LookupTables], starts: dict[str, Array]
 ) -> tuple[Array, Array]:
-    """Return the rows of all behaviours, without prices, and the tables that they read."""
+    """Return the records of all behaviours, and the tables that they read."""
     behaviours = []
     for p, table in enumerate(tables):
-        rows = np.pad(np.array(table.behaviours, dtype=float).reshape(-1, 11), ((0, 0), (0, 2)))
-        rows[:, layout.FIRST_AXIS : layout.FIRST_TERM] += starts["axis"][p]
-        rows[:, layout.FIRST_TERM : layout.LOOKS_AHEAD] += starts["term"][p]
+        rows = table.behaviours.copy()
+        for name in ("axis", "term"):
+            rows[f"first_{name}"] += starts[name][p]
+            rows[f"end_{name}"] += starts[name][p]
         # Entries of a table count from the policy's own first action or state; here from the run's.
-        first = np.where(rows[:, layout.LOOKS_AHEAD] == 0.0, starts["action"][p], starts["state"][p])
-        rows[:, layout.TABLE] += starts["table"][p] - first * rows[:, layout.CELLS]
+        first = np.where(rows["looks_ahead"], starts["state"][p], starts["action"][p])
+        rows["table"] += starts["table"][p] - first * rows["cells"]
         behaviours.append(rows)
     parts = [np.asarray(table.table) for table in tables]
     if len({part.dtype for part in parts}) > 1:
         parts = [policy_values(policy) for policy in policies]
         for rows in behaviours:
-            rows[:, layout.LOW], rows[:, layout.STEP] = 0.0, 1.0
+            rows["low"], rows["step"] = 0.0, 1.0
     values = (parts[0] if len(parts) == 1 else np.concatenate(parts)).view(np.ndarray)
     values.flags.writeable = False  # mapped or not, kernels are compiled for one type
     return np.concatenate(behaviours), values
@@ -105,7 +105,7 @@ def _before_first_strike(actions: Actions) -> Array:
 def strike_rows(policies: Sequence[Policy], behaviours: Array, terms: Array, starts: dict[str, Array]) -> Array:
     """Return the strikes in actions, and what those that land earn by each strike term of their policy.
 
-    The column of what a term earns is written into its row.
+    The column of what a term earns is written into its record.
     """
     parts = []
     for p, policy in enumerate(policies):
@@ -122,13 +122,12 @@ def strike_rows(policies: Sequence[Policy], behaviours: Array, terms: Array, sta
             owners,
             *np.reshape(actions.strike_origins, (-1, 2)).T,
         ]
-        for row in behaviours[starts["behaviour"][p] : starts["behaviour"][p + 1]]:
-            for term in terms[int(row[layout.FIRST_TERM]) : int(row[layout.LAST_TERM])]:
-                if term[layout.KIND] == StrikeTerm.code:
-                    term[layout.EARNED] = len(columns)
-                    fast = actions.strike_speeds.astype(float) ** term[layout.SPEED_WEIGHT]
-                    faded = row[layout.DISCOUNT] ** actions.strike_times.astype(float)
-                    columns += [faded * fast, faded * term[layout.WEIGHT] * term[layout.WASTE]]
+        for behaviour, row in zip(policy.behaviours, behaviours[starts["behaviour"][p] :], strict=False):
+            for term, record in zip(behaviour.terms, terms[row["first_term"] :], strict=False):
+                if isinstance(term, StrikeTerm):
+                    record["column"] = len(columns)
+                    faded = behaviour.discount ** actions.strike_times.astype(float)
+                    columns += [term.earned(actions, behaviour.discount), faded * term.weight * term.waste]
         parts.append(np.column_stack(columns))
     width = -(-max(part.shape[1] for part in parts) // 8) * 8
     return np.concatenate([np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts]).astype(np.float32)
@@ -187,46 +186,39 @@ def path_frames(actions: Sequence[Actions]) -> Array:
     return np.concatenate(parts)
 
 
-def note_prices(behaviours: Array, terms: Array) -> None:
-    """Write what a transition costs each behaviour into its row: for a cost of 1, and for each one."""
-    for row in behaviours:
-        own = terms[int(row[layout.FIRST_TERM]) : int(row[layout.LAST_TERM])]
-        row[layout.PRICE], row[layout.EACH] = own[own[:, layout.KIND] == TransitionTerm.code, 1:3].sum(axis=0)
-
-
 def move_rows(
-    displacements: Array, actions: Sequence[Actions], behaviours: Array, terms: Array, starts: dict[str, Array]
+    displacements: Array, policies: Sequence[Policy], tables: Sequence[LookupTables], starts: dict[str, Array]
 ) -> Array:
-    """Return where actions end, their transition costs, and what transitions and effort take from each behaviour."""
-    costs = joined([action.costs for action in actions], np.float64)
+    """Return where actions end, their transition costs, and what they cost each behaviour wherever the target is."""
+    costs = joined([table.actions.costs for table in tables], np.float64)
     slots = int(np.diff(starts["behaviour"]).max())
     moves = np.zeros((len(displacements), -(-(layout.TRANSITION + slots) // 8) * 8), np.float32)
     moves[:, : layout.TRANSITION] = np.column_stack(
         [displacements[:, :2], np.cos(displacements[:, 2]), np.sin(displacements[:, 2]), costs]
     )
-    for p, start in enumerate(starts["behaviour"][:-1]):
+    for p, (policy, table) in enumerate(zip(policies, tables, strict=True)):
         own = slice(starts["action"][p], starts["action"][p + 1])
-        for slot, row in enumerate(behaviours[start : starts["behaviour"][p + 1]]):
-            for term in terms[int(row[layout.FIRST_TERM]) : int(row[layout.LAST_TERM])]:
-                if term[layout.KIND] == TransitionTerm.code:
-                    price = term[layout.WEIGHT] * costs[own] + term[_ONCE] * (costs[own] > 0.0)
-                    moves[own, layout.TRANSITION + slot] += price
-                if term[layout.KIND] == StrikeTerm.code and term[layout.EFFORT] > 0.0:
-                    faded = row[layout.DISCOUNT] ** actions[p].strike_times.astype(float)
-                    sums = np.concatenate([[0.0], np.cumsum(faded)])[actions[p].strike_offsets]
-                    moves[own, layout.TRANSITION + slot] += term[layout.WEIGHT] * term[layout.EFFORT] * np.diff(sums)
+        for slot, behaviour in enumerate(policy.behaviours):
+            for term in behaviour.terms:
+                spent = term.spent(table.actions, behaviour.discount) if isinstance(term, StrikeTerm) else 0.0
+                moves[own, layout.TRANSITION + slot] += spent - term.of_actions(table.actions)
     return moves
 
 
-def grid_rows(behaviours: Array, axes: Array) -> Array:
+def grid_records(policies: Sequence[Policy]) -> Array:
     """Return each behaviour's axes, those of a kind in one place; one that it does not have is a single point."""
-    grids = np.tile([0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], (len(behaviours), 3, 1))
-    for grid, (start, end) in zip(grids, behaviours[:, :2].astype(int), strict=True):
-        for kind, first, step, points, wraps, stride, fade, minimum, rate in axes[start:end]:
-            last = first + (points - 1.0) * step
-            greatest = last / (1.0 - rate * last)
-            fade = 0.0 if wraps else fade
-            grid[int(kind)] = first, 1.0 / step, points, wraps, stride, fade, minimum, greatest, rate
+    grids = np.zeros((sum(len(policy.behaviours) for policy in policies), len(AXES)), layout.GRID_AXIS)
+    grids["per_unit"] = grids["points"] = 1.0
+    behaviours = (behaviour for policy in policies for behaviour in policy.behaviours)
+    for grid, behaviour in zip(grids, behaviours, strict=True):
+        for axis in behaviour.grid.pack():
+            record = grid[axis["kind"]]
+            for name in ("first", "wraps", "rate"):
+                record[name] = axis[name]
+            record["per_unit"], record["points"], record["apart"] = 1.0 / axis["step"], axis["count"], axis["stride"]
+            last = axis["first"] + (axis["count"] - 1.0) * axis["step"]
+            record["fade"] = 0.0 if axis["wraps"] else axis["fade"]
+            record["least"], record["greatest"] = axis["minimum"], last / (1.0 - axis["rate"] * last)
     return grids
 
 

@@ -12,6 +12,7 @@ def kernel(
     inline: bool = False,
     allocates: bool = True,
     fastmath: Collection[str] = (),
+    name: str = "",
 ) -> Any:
     """Compile a function with numba when it is first called, without the GIL, and keep the compiled code.
 
@@ -29,9 +30,13 @@ def kernel(
         allocates: Whether the kernel creates arrays. One that does not needs no reference counts, which cost two atomic
             operations for every array that is passed to a function or read from a named tuple.
         fastmath: LLVM's flags for faster arithmetic that the kernel permits.
+        name: Its name, which must be the only one of a file, where the function is defined anew for each of several
+            uses.
     """
     if function is None:
-        return lambda wanted: kernel(wanted, inline=inline, allocates=allocates, fastmath=fastmath)
+        return lambda wanted: kernel(wanted, inline=inline, allocates=allocates, fastmath=fastmath, name=name)
+    if name:
+        function.__name__ = function.__qualname__ = name
     from numba import config
 
     from crowdsim.jit.dispatchers import build_dispatcher

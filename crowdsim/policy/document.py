@@ -13,9 +13,9 @@ from crowdsim.errors import RecipeError
 from crowdsim.motion.body import ROLES
 from crowdsim.policy.checks import NEAR
 from crowdsim.policy.document_parts import LOOKUPS, AxisPart, Count, Hash, Number, Rate, Size, Text
-from crowdsim.policy.environment import Axis, build_grid
+from crowdsim.policy.environment import MOST_AXES, Axis, build_grid
 from crowdsim.policy.reported import Statistics
-from crowdsim.policy.rewards import AnyTerm
+from crowdsim.policy.rewards import AnyTerm, ProximityTerm
 
 _TOES = ("left_toe", "right_toe")
 _MOST_BEHAVIOURS, _MOST_CELLS = 64, 1 << 31
@@ -97,7 +97,7 @@ class BehaviourPart(DocumentModel):
     """A behaviour, see ``policy.Behaviour``."""
 
     name: Text
-    axes: list[AxisPart] = Field(min_length=1, max_length=3)
+    axes: list[AxisPart] = Field(min_length=1, max_length=MOST_AXES)
     lookup: LOOKUPS
     entries: Annotated[int, Field(ge=1, le=1 << 40)]
     scale: Annotated[float, Field(ge=0.0, le=1e12)]
@@ -120,7 +120,7 @@ class BehaviourPart(DocumentModel):
         for index, term in enumerate(self.rewards):
             if any(not -NEAR <= number <= NEAR for number in _numbers(term)):
                 raise Fault(f"holds numbers beyond {NEAR:g}", "rewards", index)
-            if term.kind == "proximity" and (term.distance is None or term.sigma < 1e-6):
+            if isinstance(term, ProximityTerm) and (term.distance is None or term.sigma < 1e-6):
                 raise Fault("lacks its distance, or its sigma is too small", "rewards", index)
         return self
 

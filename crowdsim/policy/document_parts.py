@@ -8,8 +8,9 @@ from pydantic import AfterValidator, Field, model_validator
 
 from crowdsim.config.documents import DocumentModel
 from crowdsim.config.files import Fault
+from crowdsim.policy.axes.registry import NAMES
 from crowdsim.policy.checks import FAR, NEAR
-from crowdsim.policy.environment import AXIS_KINDS, Axis
+from crowdsim.policy.environment import Axis
 
 LOOKUPS = Literal["q", "v"]
 _FINEST = 1e-9
@@ -34,7 +35,7 @@ Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 class AxisPart(DocumentModel):
     """An axis of a grid, see ``environment.Axis``."""
 
-    name: Literal[tuple(AXIS_KINDS)]  # type: ignore[valid-type]
+    name: Literal[NAMES]  # type: ignore[valid-type]
     minimum: Measure
     maximum: Measure
     count: Annotated[int, Field(ge=1, le=1 << 20)]

@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
 from crowdsim.errors import PolicyError, nearest
-from crowdsim.motion import ground
-from crowdsim.policy.action_rewards import action_reward
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.defence import NAME as DEFEND
-from crowdsim.policy.environment import AXIS_WIDTH, HALFWAY, LEAD, Grid, corners, fade_factor
+from crowdsim.policy.environment import HALFWAY, LEAD, Grid
 from crowdsim.policy.falls import Falls
+from crowdsim.policy.records import AXIS, BEHAVIOUR
 from crowdsim.policy.rests import Rests
-from crowdsim.policy.rewards import TERM_WIDTH, TargetBody, Term, TransitionTerm, pack_terms
+from crowdsim.policy.rewards import TargetBody, Term, TransitionTerm, once_of, pack_terms
+from crowdsim.policy.terms.registry import TERM
 
 if TYPE_CHECKING:
     from crowdsim.graph.motion_graph import MotionGraph
     from crowdsim.motion.database import MotionDatabase
-
-
-LOOKUPS = ("q", "v")
 
 
 class StateValues(NamedTuple):
@@ -88,15 +83,14 @@ class Behaviour:
 class LookupTables(NamedTuple):
     """All that control needs of a policy as flat arrays, for compiled code, which can be handed all of it at once.
 
-    ``kernels/values.py`` reads exactly this, and names the columns. B is the number of behaviours.
+    ``kernels/values.py`` reads exactly this. B is the number of behaviours, A of actions.
 
     Attributes:
         actions: The graph's actions; see ``Actions``.
-        behaviours: A row for each behaviour. Shape (B, 11), float64, whole numbers where they are places or counts:
-            first and end row in ``axes``; first and end row in ``terms``; look-up (0 is q, 1 is v); number of cells;
-            first entry in ``table``; scale; discount; what an entry of 0 is worth, and a step of 1 more.
-        axes: A row for each axis of each grid. Shape (n, 9), float64; see ``Grid.pack``.
-        terms: A row for each reward term. Shape (n, 13), float64: code, then the term's numbers as its ``pack`` says.
+        behaviours: The behaviours. Shape (B,), ``records.BEHAVIOUR``.
+        axes: The axes of each grid. Shape (n,), ``records.AXIS``.
+        terms: The reward terms of each behaviour. Shape (n,), ``terms.registry.TERM``.
+        once: What each action earns each behaviour wherever the target is (``Term.of_actions``). Shape (B, A), float64.
         table: The tables of all behaviours, one after another. Flat, float32, uint8 or uint16.
         leads: How many control frames later a moving target is seen: now, by tables of Q (``environment.HALFWAY``), and
             behind an action, by tables of V (``environment.LEAD``). Shape (2,), float64.
@@ -106,6 +100,7 @@ class LookupTables(NamedTuple):
     behaviours: Array
     axes: Array
     terms: Array
+    once: Array
     table: Array
     leads: Array
 
@@ -189,86 +184,25 @@ def build_lookup_tables(
     actions: Actions, behaviours: tuple[Behaviour, ...], body: TargetBody, values: Array | None = None
 ) -> LookupTables:
     """Return behaviours as flat arrays; ``values`` are their tables one after another, when they lie so already."""
-    rows, axes, terms = [], [np.zeros((0, AXIS_WIDTH))], [np.zeros((0, TERM_WIDTH))]
+    records = np.zeros(len(behaviours), BEHAVIOUR)
+    axes, terms = [np.zeros(0, AXIS)], [np.zeros(0, TERM)]
+    once = np.array([once_of(behaviour.terms, actions) for behaviour in behaviours])
     axis_start = term_start = table_start = 0
-    for behaviour in behaviours:
+    for behaviour, record in zip(behaviours, records, strict=True):
         axes.append(behaviour.grid.pack())
         terms.append(pack_terms(behaviour.terms, body))
-        axis_end, term_end = axis_start + len(axes[-1]), term_start + len(terms[-1])
-        lookup, cells = LOOKUPS.index(behaviour.lookup), behaviour.grid.cells
-        facts = (behaviour.scale, behaviour.discount, behaviour.low, behaviour.step)
-        rows.append((axis_start, axis_end, term_start, term_end, lookup, cells, table_start, *facts))
-        axis_start, term_start, table_start = axis_end, term_end, table_start + len(behaviour.table)
+        record["first_axis"], record["first_term"], record["table"] = axis_start, term_start, table_start
+        axis_start, term_start = axis_start + len(axes[-1]), term_start + len(terms[-1])
+        table_start += len(behaviour.table)
+        record["end_axis"], record["end_term"], record["turns"] = axis_start, term_start, behaviour.grid.turns
+        record["looks_ahead"], record["cells"] = behaviour.lookup == "v", behaviour.grid.cells
+        for name in ("scale", "discount", "low", "step"):
+            record[name] = getattr(behaviour, name)
+        for term in behaviour.terms:
+            if isinstance(term, TransitionTerm):
+                record["price"] += term.weight
+                record["each"] += term.each
     if values is None:
         values = np.concatenate([behaviour.table for behaviour in behaviours])
-    packed = np.array(rows, dtype=np.float64).reshape(-1, 11)
     leads = np.array([HALFWAY, LEAD]) * actions.mean_length
-    return LookupTables(actions, packed, np.concatenate(axes), np.concatenate(terms), np.asarray(values), leads)
-
-
-def action_values(
-    policy: Policy,
-    weights: Mapping[str, float],
-    state: int,
-    target: ArrayLike,
-    moving: ArrayLike = (0.0, 0.0, 0.0),
-    lasts: float = math.inf,
-) -> Array:
-    """Return what each action of a state is worth for a target: slow and plain, the meaning of the compiled version.
-
-    Values of behaviours are divided by their scale, multiplied by their weight and by how much they count at the target
-    (``fade_factor``), and added (paper, section 5). What a transition costs is in the values of every behaviour that
-    prices it; here it is counted once, at the highest of their prices.
-
-    Args:
-        policy: The policy.
-        weights: Weight of each behaviour by name; those left out count nothing.
-        state: The avatar's state.
-        target: Centre of the target's head in the avatar's ground frame [m]. Shape (3,).
-        moving: How far the target moves in a control frame, in the same frame [m]. Shape (3,).
-        lasts: For how many control frames it moves on.
-
-    Returns:
-        The values. Shape (n,), n being the number of actions of the state.
-    """
-    actions = policy.actions
-    first, end = int(actions.offsets[state]), int(actions.offsets[state + 1])
-    total = np.zeros(end - first)
-    costs = actions.costs[first:end].astype(float)
-    prices = [np.zeros(end - first)]
-    motion = np.asarray(moving, dtype=float), lasts
-    for name, weight in weights.items():
-        behaviour = policy.behaviour(name)
-        if behaviour.scale == 0.0:
-            continue
-        factor = weight * fade_factor(behaviour.grid, target) / behaviour.scale
-        if factor == 0.0:
-            continue
-        for k, action in enumerate(range(first, end)):
-            total[k] += factor * _action_value(
-                policy, behaviour, state, action, np.asarray(target, dtype=float), *motion
-            )
-        priced = [term for term in behaviour.terms if isinstance(term, TransitionTerm)]
-        price = sum(term.weight * costs + term.each * (costs > 0.0) for term in priced)
-        prices.append(factor * price * np.ones(end - first))
-    return total + np.sum(prices, axis=0) - np.max(prices, axis=0)
-
-
-def _action_value(
-    policy: Policy, behaviour: Behaviour, state: int, action: int, target: Array, moving: Array, lasts: float
-) -> float:
-    """Return Q(e, a) of one behaviour."""
-    actions, grid = policy.actions, behaviour.grid
-    first, n = int(actions.offsets[state]), int(actions.offsets[state + 1] - actions.offsets[state])
-    if behaviour.lookup == "q":
-        # The table holds targets at rest only: it is read at the position of the target half an action later.
-        cells, shares = corners(grid, target + min(HALFWAY * actions.mean_length, lasts) * moving)
-        return float(shares @ behaviour.values(first * grid.cells + cells * n + (action - first)))
-    velocity = moving[[0, 2]], lasts
-    reward = action_reward(actions, action, target, behaviour.terms, policy.body, behaviour.discount, *velocity)
-    # Values are those of a target at rest; an avatar that pursues a moving one must look ahead.
-    moved = target + min(float(actions.lengths[action]) + LEAD * actions.mean_length, lasts) * moving
-    later = ground.to_local(actions.displacements[action].astype(float), moved)
-    cells, shares = corners(grid, later)
-    value = float(shares @ behaviour.values(int(actions.next[action]) * grid.cells + cells))
-    return reward + math.pow(behaviour.discount, int(actions.lengths[action])) * value
+    return LookupTables(actions, records, np.concatenate(axes), np.concatenate(terms), once, np.asarray(values), leads)

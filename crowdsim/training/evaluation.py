@@ -151,7 +151,7 @@ def run_episodes(
         float(settings.within),
         settings.seed,
     )
-    out, used = np.empty((len(states), played.COLUMNS)), np.zeros(actions.action_count, np.uint8)
+    out, used = np.zeros(len(states), played.EPISODE), np.zeros(actions.action_count, np.uint8)
     states, targets = np.asarray(states, np.int32), np.asarray(targets, float)
     numbers = np.arange(len(states))
 
@@ -161,6 +161,7 @@ def run_episodes(
         return time.thread_time() - started
 
     play(slice(0, 1))  # compiled here, so that the times below are those of decisions
+    out[0] = np.zeros((), out.dtype)
     bounds = np.linspace(0, len(states), threads + 1).astype(int)
     with ThreadPoolExecutor(threads) as pool:
         spent = sum(pool.map(play, [slice(*pair) for pair in itertools.pairwise(bounds)]))
@@ -168,22 +169,18 @@ def run_episodes(
 
 
 def _episodes(out: Array, used: Array, spent: float, rate: float) -> Episodes:
-    """Return the episodes of the kernel's columns (N, 9) and flags of actions (A,), which took so long [s]."""
-    from crowdsim.training.kernels import episodes as played
-
-    never = out < 0.0
-    arrived, landed = played.ARRIVED, played.FIRST_LANDED
-    transitions, frames = out[:, played.TRANSITIONS].sum(), out[:, played.FRAMES].sum()
+    """Return the episodes of the kernel's records (N,) and flags of actions (A,), which took so long [s]."""
+    transitions, frames = float(out["transitions"].sum()), float(out["frames"].sum())
     return Episodes(
-        returns=out[:, played.RETURN],
-        earned=out[:, played.EARNED],
-        distances=out[:, played.NEAREST],
-        arrivals=np.where(never[:, arrived], np.nan, out[:, arrived] / rate),
-        landings=np.where(never[:, landed], np.nan, out[:, landed] / rate),
-        landed=out[:, played.LANDED],
-        seconds_a_decision=spent / float(out[:, played.DECISIONS].sum()),
-        transitions_per_second=float(transitions / frames * rate),
-        seconds_between_transitions=float(frames / rate / max(transitions, 1.0)),
+        returns=out["gained"],
+        earned=out["earned"],
+        distances=out["nearest"],
+        arrivals=np.where(out["arrived"] < 0.0, np.nan, out["arrived"] / rate),
+        landings=np.where(out["first_landed"] < 0.0, np.nan, out["first_landed"] / rate),
+        landed=out["landed"].astype(float),
+        seconds_a_decision=spent / float(out["decisions"].sum()),
+        transitions_per_second=transitions / frames * rate,
+        seconds_between_transitions=frames / rate / max(transitions, 1.0),
         actions_used=int(used.sum()),
     )
 

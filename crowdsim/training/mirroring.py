@@ -2,7 +2,7 @@
 
 With s* the mirror image of the state s, and the environment mirrored at the plane straight ahead,
 
-    V(s*, distance, -bearing, height) = V(s, distance, bearing, height)
+    V(s*, distance, -bearing, height, -heading) = V(s, distance, bearing, height, heading)
 
 since the graph is its own mirror image and rewards do not know left from right.
 """
@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.policy.environment import Axis, Grid
+from crowdsim.policy.axes.axis import Target
+from crowdsim.policy.environment import UNSEEN, Axis, Grid
 from crowdsim.training.ranges import resolve_grid
 from crowdsim.training.recipe import BehaviourSpec, ValueIterationSpec
 
@@ -32,27 +33,32 @@ def solved_states(database: MotionDatabase, graph: MotionGraph, specs: Iterable[
     """
     for spec in specs:
         over_v = isinstance(spec.solver, ValueIterationSpec) and spec.backup == "interpolation_of_max"
-        if not over_v or mirrored_points(resolve_grid(spec, database)) is None:
+        if not over_v or not is_mirrored(resolve_grid(spec, database)):
             return graph.state_count
     return graph.captured_states(database.captured_frames)
 
 
 def values_with_images(values: Array, grid: Grid) -> Array:
     """Return values of the captured states (S, C) and, after them, those of their mirror images. Shape (2 S, C)."""
-    points = mirrored_points(grid)
-    assert points is not None
-    names = [axis.name for axis in grid.axes]
-    if "bearing" not in names:
-        return np.concatenate([values, values])
-    table = values.reshape(len(values), *grid.shape)
-    images = table.take(points, axis=1 + names.index("bearing"))
+    images = values.reshape(len(values), *grid.shape)
+    for place, axis in enumerate(grid.axes, start=1):
+        points = mirrored_points(axis)
+        assert points is not None
+        if not np.array_equal(points, np.arange(axis.count)):
+            images = images.take(points, axis=place)
     return np.concatenate([values, images.reshape(values.shape)])
 
 
-def mirrored_points(grid: Grid) -> Array | None:
-    """Return the mirror image of each point of a grid's bearing, as a number; None where some have none."""
-    axis = next((one for one in grid.axes if one.name == "bearing"), Axis("bearing", 0.0, 0.0, 1))
-    gaps = axis.points + axis.points[:, None]
+def is_mirrored(grid: Grid) -> bool:
+    """Return whether a grid is its own mirror image."""
+    return all(mirrored_points(axis) is not None for axis in grid.axes)
+
+
+def mirrored_points(axis: Axis) -> Array | None:
+    """Return the mirror image of each point of an axis, as a number; None where some have none."""
+    here = axis.kind.place(Target(*(np.full(axis.count, number) for number in UNSEEN)), axis.points)
+    seen = np.array([axis.kind.value(Target(*one)) for one in zip(*here.mirrored(), strict=True)])
+    gaps = seen[:, None] - axis.points
     if axis.wraps:
-        gaps -= 2.0 * np.pi * np.round(gaps / (2.0 * np.pi))
+        gaps -= axis.kind.period * np.round(gaps / axis.kind.period)
     return np.abs(gaps).argmin(axis=1) if np.abs(gaps).min(axis=1).max() < 1e-6 else None

@@ -23,20 +23,25 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
+from crowdsim.errors import RecipeError
 from crowdsim.policy.actions import Actions
+from crowdsim.policy.axes.axis import Target
+from crowdsim.policy.axes.registry import kind_named
 from crowdsim.policy.environment import Grid
-from crowdsim.policy.rewards import StrikeTerm, TargetBody, Term, TransitionTerm, pack_terms
+from crowdsim.policy.rewards import StrikeTerm, TargetBody, Term, once_of, pack_terms, term_name
 
 if TYPE_CHECKING:
-    from crowdsim.training.kernels.rewards import Landed
+    from crowdsim.training.kernels.rewards import Landed, Places
+    from crowdsim.training.kernels.successors import Turning
 
 BACKUPS = ("max_of_interpolated", "interpolation_of_max")
 
-MOVING = ("distance", "bearing")
-"""The axes along which a target is seen to move when an avatar does, in the order of ``Model.axes``."""
+GROUND = ("distance", "bearing")
+"""The axes over the ground, in the order of ``Model.axes``."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +73,9 @@ def build_movement(speed: float = 0.0, directions: int = 4, still: float = 0.5, 
 
 @dataclass(frozen=True)
 class Model:
-    """The model as flat arrays. A actions, M moving cells, D moving axes, C cells, O velocities of the target.
+    """The model as flat arrays.
+
+    A actions, M cells over the ground, L layers, C = M L cells, O velocities of the target.
 
     Attributes:
         grid: The environment.
@@ -76,17 +83,16 @@ class Model:
         offsets: CSR: actions of each state. Shape (S + 1,), int32.
         next: State in which each action ends, or whose mirror image that is. Shape (A,), int32.
         discounts: gamma^T of each action. Shape (A,), float32.
-        axes: The distance and the bearing as compiled code reads them: first point (squeezed), points a unit, count,
-            rate, whether it wraps, stride in a table. One that the grid lacks has a single point. Shape (2, 6),
-            float32.
-        ends: The ground where each action ends: what is added to a position along x and z [m], with the distance that
-            the target goes meanwhile, cosine and sine of the heading, and -1 where the action ends in the mirror image
-            of a state, else 1. Shape (O, A, 5), float32.
-        xs: Where the target of each moving cell is, to the left [m]. Shape (M,), float32.
+        axes: The distance and the bearing, ``kernels.successors.GROUND_AXIS``. One that the grid lacks has a single
+            point. Shape (2,).
+        ends: The ground where each action ends, ``kernels.successors.END``. Shape (O, A).
+        turning: What each layer sees, and how that turns with the avatar; empty arrays where it does not.
+        xs: Where the target of each ground cell is, to the left [m]. Shape (M,), float32.
         zs: Ahead.
         probabilities: p(o). Shape (O,), float32.
-        near: What each action earns in each moving cell, landed strikes left out: the reward there is for where the
-            target is over the ground. Shape (O, A, M), float32; (O, A, 1) where it is the same everywhere.
+        near: What each action earns in each ground cell, landed strikes left out: the reward there is for where the
+            target is over the ground. Shape (O, A, M), float32; (O, A, 1) where it is the same everywhere, and (O, A,
+            C) where a term needs more than the ground.
         landed: CSR over outcome and action: entries ``landed[o * A + a]:landed[o * A + a + 1]`` of the next two are
             what its strikes earn. Shape (O * A + 1,), int64.
         landed_cells: Cells, ascending, where a strike lands. Flat, int32.
@@ -100,6 +106,7 @@ class Model:
     discounts: Array
     axes: Array
     ends: Array
+    turning: Turning
     xs: Array
     zs: Array
     probabilities: Array
@@ -134,8 +141,10 @@ class Model:
         """Return the rewards of actions ``first`` to ``last``, averaged over outcomes. Shape (n, C), float32."""
         layers, total = self.grid.layers, np.zeros((last - first, self.grid.cells), np.float32)
         for outcome, probability in enumerate(self.probabilities):
-            near = np.broadcast_to(self.near[outcome, first:last], (last - first, self.grid.cells // layers))
-            total += probability * np.repeat(near, layers, axis=1)
+            near = self.near[outcome, first:last]
+            if near.shape[1] != self.grid.cells:
+                near = np.repeat(np.broadcast_to(near, (last - first, self.grid.cells // layers)), layers, axis=1)
+            total += probability * near
             offsets = self.landed[outcome * self.action_count + np.arange(first, last + 1)]
             rows = np.repeat(np.arange(last - first), np.diff(offsets))
             some = slice(offsets[0], offsets[-1])
@@ -165,18 +174,25 @@ def build_model(
     Raises:
         RecipeError: A term or an axis is unknown to training.
     """
-    from crowdsim.training.kernels.rewards import Places, fill_near
+    from crowdsim.training.kernels.rewards import fill_near
 
+    check_axes(terms, grid)
     movement = build_movement() if movement is None else movement
-    layers, targets = grid.layers, grid.targets()
-    xs, zs = (np.ascontiguousarray(targets[::layers, axis], np.float32) for axis in (0, 2))
+    layers, cells = grid.layers, grid.observed()
+    xs, zs = (np.ascontiguousarray(place[::layers], np.float32) for place in (cells.x, cells.z))
     count, outcomes = actions.action_count, len(movement.probabilities)
 
     packed, log_discount = pack_terms(terms, body), math.log(discount)
-    near = np.empty((outcomes, count, 1 if _same_everywhere(terms) else len(xs)), np.float32)
-    for velocity, out in zip(movement.velocities.astype(np.float32), near, strict=True):
-        places = Places(xs, zs, *(np.full(len(xs), one) for one in velocity))
-        share(count, fill_near, actions, places, packed, log_discount, out)
+    wide = 1 if _same_everywhere(terms) else len(xs)
+    if any(not kind_named(name).over_ground for term in terms for name in term.axes):
+        wide, places = grid.cells, cells
+    else:
+        places = Target(*(number[::layers] for number in cells))
+    near = np.empty((outcomes, count, wide), np.float32)
+    for velocity, out in zip(movement.velocities, near, strict=True):
+        share(
+            count, fill_near, actions, places_of(places, *velocity), packed, once_of(terms, actions), log_discount, out
+        )
     landed = _landed_rewards(actions, grid, movement, packed, log_discount)
     return Model(
         grid=grid,
@@ -184,8 +200,9 @@ def build_model(
         offsets=actions.offsets,
         next=actions.next % np.int32(actions.state_count),
         discounts=(discount ** actions.lengths.astype(np.float64)).astype(np.float32),
-        axes=moving_axes(grid),
+        axes=ground_axes(grid),
         ends=action_ends(actions, movement),
+        turning=turning_layers(grid),
         xs=xs,
         zs=zs,
         probabilities=movement.probabilities.astype(np.float32),
@@ -194,6 +211,30 @@ def build_model(
         landed_cells=landed.cells,
         landed_rewards=landed.rewards,
     )
+
+
+def check_axes(terms: tuple[Term, ...], grid: Grid) -> None:
+    """Raise an error where a term needs an axis that a grid lacks.
+
+    Raises:
+        RecipeError: One does.
+    """
+    names = [axis.name for axis in grid.axes]
+    for term in terms:
+        for name in term.axes:
+            if name not in names:
+                raise RecipeError(
+                    f"reward term {term_name(term)!r} needs the axis {name!r}, the grid has {', '.join(names)}"
+                )
+
+
+def places_of(targets: Target, vx: ArrayLike, vz: ArrayLike) -> Places:
+    """Return targets (arrays of M) that move over the ground [m a control frame] as training reads them."""
+    from crowdsim.training.kernels.rewards import Places
+
+    columns = targets.x, targets.z, vx, vz, np.sin(targets.heading), np.cos(targets.heading)
+    shape = np.shape(targets.x)
+    return Places(*(np.ascontiguousarray(np.broadcast_to(one, shape), np.float32) for one in columns))
 
 
 def _landed_rewards(actions: Actions, grid: Grid, movement: Movement, packed: Array, log_discount: float) -> Landed:
@@ -212,26 +253,40 @@ def _landed_rewards(actions: Actions, grid: Grid, movement: Movement, packed: Ar
 
 def _same_everywhere(terms: tuple[Term, ...]) -> bool:
     """Return whether rewards, those of landed strikes left out, do not depend on where the target is."""
-    return all(
-        isinstance(term, TransitionTerm) or (isinstance(term, StrikeTerm) and term.waste == 0.0) for term in terms
-    )
+    return all(term.at_frames is None and not (isinstance(term, StrikeTerm) and term.waste > 0.0) for term in terms)
 
 
-def moving_axes(grid: Grid) -> Array:
+def ground_axes(grid: Grid) -> Array:
     """Return the distance and the bearing of a grid as sweeps read them (``Model.axes``)."""
-    rows = [[0.0, 1.0, 1.0, 0.0, 0.0, 0.0] for _ in MOVING]
+    from crowdsim.training.kernels.successors import GROUND_AXIS
+
+    records = np.zeros(len(GROUND), GROUND_AXIS)
+    records["per_step"] = records["count"] = 1.0
     for axis, stride in zip(grid.axes, grid.strides, strict=True):
-        if axis.name in MOVING and axis.count > 1:
-            row = [axis.first, 1.0 / axis.step, axis.count, axis.rate, axis.wraps, stride]
-            rows[MOVING.index(axis.name)] = [float(number) for number in row]
-    return np.array(rows, np.float32)
+        if axis.name in GROUND and axis.count > 1:
+            facts = axis.first, 1.0 / axis.step, axis.count, axis.rate, axis.wraps, stride
+            records[GROUND.index(axis.name)] = facts
+    return records
 
 
 def action_ends(actions: Actions, movement: Movement) -> Array:
     """Return the ground frame in which each action ends, for each velocity of the target (``Model.ends``)."""
+    from crowdsim.training.kernels.successors import END
+
     x, z, heading = actions.displacements.T.astype(float)
     gone = movement.velocities[:, None, :] * actions.lengths[:, None]
-    side = np.where(actions.next < actions.state_count, 1.0, -1.0)
-    turned = np.broadcast_to([np.cos(heading), np.sin(heading), side], (len(gone), 3, len(x)))
-    ends = np.stack([gone[..., 0] - x, gone[..., 1] - z, *turned.swapaxes(0, 1)], axis=-1)
-    return ends.astype(np.float32)
+    ends = np.empty(gone.shape[:2], END)
+    ends["left"], ends["ahead"] = gone[..., 0] - x, gone[..., 1] - z
+    ends["cos"], ends["sin"], ends["turn"] = np.cos(heading), np.sin(heading), heading
+    ends["side"] = np.where(actions.next < actions.state_count, 1.0, -1.0)
+    return ends
+
+
+def turning_layers(grid: Grid) -> Turning:
+    """Return what the layers of a grid see, and their axes, as sweeps read them; none of grids that do not turn."""
+    from crowdsim.training.kernels.successors import Turning
+
+    cells = grid.layers if grid.turns else 0
+    layers = grid.observed()
+    axes = grid.pack()[len(grid.ground_axes) :] if grid.turns else grid.pack()[:0]
+    return Turning(axes, layers.y[:cells].copy(), layers.heading[:cells].copy())

@@ -29,7 +29,7 @@ from crowdsim.policy.flattening import STATE_VALUES, assemble_motion
 from crowdsim.policy.policy import StateValues
 from crowdsim.policy.rewards import TargetBody
 from crowdsim.training.behaviours import bytes_behind
-from crowdsim.training.mirroring import mirrored_points, values_with_images
+from crowdsim.training.mirroring import is_mirrored, values_with_images
 from crowdsim.training.packed_checks import check_packed, check_unpacked, decompress
 from crowdsim.training.recipe import Recipe
 
@@ -138,9 +138,9 @@ def pack_table(table: Array, grid: Grid, states: int) -> Array:
     """
     if len(table) != states * grid.cells:
         return table
-    values, points = table.reshape(states, grid.cells), mirrored_points(grid)
+    values = table.reshape(states, grid.cells)
     captured = values[: states // 2]
-    if points is not None and np.array_equal(values_with_images(captured, grid), values):
+    if is_mirrored(grid) and np.array_equal(values_with_images(captured, grid), values):
         values = captured
     codes = values.reshape(len(values), *grid.shape).view(f"u{table.itemsize}")
     for axis in range(1, codes.ndim):

@@ -174,8 +174,8 @@ class _BestActions:
 
         An action is -1 beyond the extent.
         """
+        from crowdsim.policy.axes.axis import Target
         from crowdsim.policy.kernels.axes import Corners
-        from crowdsim.policy.kernels.rewards import Target
         from crowdsim.policy.kernels.values import evaluate_actions
 
         ones, corners = np.ones(1), Corners(np.empty(64, np.int64), np.empty(64))

@@ -21,7 +21,7 @@ from crowdsim.core.workers import share
 from crowdsim.graph.states import MotionGraph, graph_of_transitions
 from crowdsim.graph.transitions import Transitions, decision_frames, with_images
 from crowdsim.policy.actions import Actions, build_actions, leading_actions
-from crowdsim.policy.rewards import TargetBody, Term, TransitionTerm
+from crowdsim.policy.rewards import TargetBody, Term, TransitionTerm, once_of
 from crowdsim.training.mirroring import solved_states
 from crowdsim.training.recipe import BehaviourSpec, PruningSpec, ValueIterationSpec
 
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from crowdsim.motion.database import MotionDatabase
 
 
-COARSE = {"distance": 11, "bearing": 16, "height": 3}
-"""Most points of each axis on which the wide graph is learned."""
+COARSE, FEW = {"distance": 11, "bearing": 16, "height": 3}, 6
+"""Most points of each axis on which the wide graph is learned, and of all others."""
 
 ROUGH = 0.03
 """Tolerance of those values; a third of it changes one transition in twenty, for one of equal value."""
@@ -174,9 +174,7 @@ def judge_transitions(
 
 def _prices(terms: tuple[Term, ...], actions: Actions) -> Array:
     """Return what the transition into each action costs by a reward. Shape (A,)."""
-    costs = np.asarray(actions.costs, dtype=float)
-    each = [one.weight * costs + one.each for one in terms if isinstance(one, TransitionTerm)]
-    return np.where(costs > 0.0, np.sum(each, axis=0), 0.0) if each else np.zeros(len(costs))
+    return -once_of(tuple(one for one in terms if isinstance(one, TransitionTerm)), actions)
 
 
 def _values_at(frames: Array, values: dict[str, Array], of_frames: Array) -> dict[str, Array]:
@@ -188,7 +186,7 @@ def _values_at(frames: Array, values: dict[str, Array], of_frames: Array) -> dic
 def _coarse(spec: BehaviourSpec) -> BehaviourSpec:
     """Return a behaviour on a grid of few points, solved roughly."""
     axes = {
-        name: axis.model_copy(update={"count": min(axis.count, COARSE[name])})
+        name: axis.model_copy(update={"count": min(axis.count, COARSE.get(name, FEW))})
         for name, axis in spec.axes.given().items()
     }
     changes = {

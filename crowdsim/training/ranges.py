@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.errors import MotionError, RecipeError
+from crowdsim.errors import MotionError
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.strikes import describe_strikes_needed
+from crowdsim.policy.axes.registry import kind_named
 from crowdsim.policy.environment import Axis, Grid, build_grid
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, Term
 from crowdsim.training.recipe import BehaviourSpec
@@ -104,18 +105,19 @@ PACE = 1.0
 """Speed of the fastest of them [m/s]."""
 
 _PACES = (0.0, 0.0, 0.5, 1.0, 0.0, 0.0, 1.0, 0.5)
-_GOLDEN = 0.6180339887498949
+_GOLDEN, _ROOT_TWO = 0.6180339887498949, 1.4142135623730951
 
 _SPREAD = (0.8191725133961645, 0.6710436067037893, 0.5497004779019703)
 """Steps of a sequence that fills a cube evenly (the plastic number's, in three dimensions)."""
 
 
 def sample_targets(database: MotionDatabase, count: int = TARGETS) -> Array:
-    """Return where a target may be, all around an avatar and half of them within reach, and how it may move.
+    """Return where a target may be, all around an avatar and half of them within reach, how it moves and faces.
 
     Returns:
         The head's place in the ground frame [m], and how far it moves in a control frame along x and z [m]: half of
-        the targets are at rest, the others move at up to ``PACE`` in any direction. Shape (count, 5).
+        the targets are at rest, the others move at up to ``PACE`` in any direction. Then which way it faces [rad], all
+        ways. Shape (count, 6).
     """
     near, high = (0.3, 1.3), np.percentile(np.asarray(database.head_heights, dtype=float), [5.0, 95.0])
     if len(database.strike_frames):
@@ -127,8 +129,34 @@ def sample_targets(database: MotionDatabase, count: int = TARGETS) -> Array:
     height = high[0] + shares[:, 2] * (high[1] - high[0])
     pace = np.resize(_PACES, count) * PACE / database.control_rate
     way = 2.0 * math.pi * ((0.5 + np.arange(count) * _GOLDEN) % 1.0)
+    heading = 2.0 * math.pi * ((0.5 + np.arange(count) * _ROOT_TWO) % 1.0) - math.pi
     columns = distance * np.sin(bearing), height, distance * np.cos(bearing), pace * np.sin(way), pace * np.cos(way)
-    return np.stack(columns, axis=-1)
+    return np.stack([*columns, heading], axis=-1)
+
+
+@dataclass(frozen=True)
+class Observed:
+    """What axes take their ranges from where a recipe names none: a behaviour and the motion."""
+
+    spec: BehaviourSpec
+    database: MotionDatabase
+
+    def beyond_strikes(self) -> float:
+        """Return how far away a target is worth seeing: what strikes reach, and a step [m].
+
+        Raises:
+            MotionError: There are no strikes.
+        """
+        check_strikes(self.database)
+        places = np.asarray(self.database.strike_positions, dtype=float)
+        reach = float(np.percentile(np.hypot(places[:, 0], places[:, 2]), 98.0))
+        tolerance = max((term.tolerance for term in self.spec.rewards if isinstance(term, StrikeTerm)), default=0.0)
+        return round(reach + self.database.body.torso_radius + tolerance + self.spec.beyond, 3)
+
+    def head_heights(self) -> tuple[float, float]:
+        """Return how low and how high heads are, but for the lowest and the highest hundredth [m]."""
+        low, high = np.percentile(np.asarray(self.database.head_heights, dtype=float), [1.0, 99.0])
+        return round(float(low), 3), round(float(high), 3)
 
 
 def resolve_grid(spec: BehaviourSpec, database: MotionDatabase) -> Grid:
@@ -138,36 +166,17 @@ def resolve_grid(spec: BehaviourSpec, database: MotionDatabase) -> Grid:
         MotionError: A range is where strikes reach, and there are no strikes.
         RecipeError: A range is empty.
     """
-    axes = []
+    axes, motion = [], Observed(spec, database)
     for name, axis in spec.axes.given().items():
-        low, high = axis.minimum, axis.maximum
+        low, high, kind = axis.minimum, axis.maximum, kind_named(name)
         if axis.reach:
             least, greatest = getattr(strike_reach(database), name)
             low, high = (round(least, 3) if low is None else low), (round(greatest, 3) if high is None else high)
-        wraps = name == "bearing" and low is None and high is None and axis.count > 1
-        if name == "bearing":
-            low, high = -math.pi if low is None else low, math.pi if high is None else high
-        elif name == "distance":
-            low = 0.0 if low is None else low
-            high = _far(spec, database) if high is None else high
-        elif name == "height":
-            heads = np.percentile(np.asarray(database.head_heights, dtype=float), [1.0, 99.0])
-            low = round(float(heads[0]), 3) if low is None else low
-            high = round(float(heads[1]), 3) if high is None else high
-        if low is None or high is None:
-            raise RecipeError(f"axis {name!r} has no range in the motion, expected a minimum and a maximum")
+        wraps = kind.period > 0.0 and low is None and high is None and axis.count > 1
+        low = kind.lowest(motion) if low is None else low
+        high = kind.highest(motion) if high is None else high
         axes.append(Axis(name, low, high, axis.count, wraps, axis.fade, axis.stretch or 0.0))
     return build_grid(axes)
-
-
-def _far(spec: BehaviourSpec, database: MotionDatabase) -> float:
-    """Return how far away a target is worth seeing: what strikes reach, and a step."""
-    if not len(database.strike_positions):
-        check_strikes(database)
-    places = np.asarray(database.strike_positions, dtype=float)
-    reach = float(np.percentile(np.hypot(places[:, 0], places[:, 2]), 98.0))
-    tolerance = max((term.tolerance for term in spec.rewards if isinstance(term, StrikeTerm)), default=0.0)
-    return round(reach + database.body.torso_radius + tolerance + spec.beyond, 3)
 
 
 def _range(values: Array) -> tuple[float, float]:

@@ -5,22 +5,25 @@ from __future__ import annotations
 import math
 import os
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
 from crowdsim.config.files import Fault, StrictModel, load_model
 from crowdsim.core.types import FileName
 from crowdsim.errors import RecipeError, nearest
 from crowdsim.graph.settings import GraphSettings
 from crowdsim.motion.settings import StrikeSettings
+from crowdsim.policy.axes.axis import AxisKind
+from crowdsim.policy.axes.registry import AXES, NAMES, kind_named
 from crowdsim.policy.defence import NAME as DEFEND
-from crowdsim.policy.environment import AXIS_KINDS
-from crowdsim.policy.rewards import AnyTerm, ProximityTerm, StrikeTerm
+from crowdsim.policy.rewards import AnyTerm, ProximityTerm, StrikeTerm, term_name
 from crowdsim.training.motion_source import MAXIMUM_SEED, Motion
 from crowdsim.training.recipe_parts import DefenceSpec, RestSpec
 
 FORMAT = 1
+MEASURED = ("distance", "bearing", "height")
+"""Axes on which the region lies that strikes reach (``ranges.Reach``)."""
 _MOST_CELLS = 1_000_000
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
@@ -35,14 +38,14 @@ class AxisSpec(StrictModel):
         ge=-1000.0,
         le=1000.0,
         description="First grid point; null: 0 for a distance, the full circle "
-        "for a bearing, the lowest heads of the motion for a height.",
+        "for a bearing or a heading, the lowest heads of the motion for a height.",
     )
     maximum: float | None = Field(
         default=None,
         ge=-1000.0,
         le=1000.0,
         description="Last grid point; null: a step past what strikes reach for a "
-        "distance, the full circle for a bearing, the highest heads of the motion for a height.",
+        "distance, the full circle for a bearing or a heading, the highest heads of the motion for a height.",
     )
     fade: float = Field(
         default=0.0, ge=0.0, le=1000.0, description="How far beyond the range the behaviour stops counting; 0: never."
@@ -67,18 +70,25 @@ class AxisSpec(StrictModel):
         return self
 
 
-class Axes(StrictModel):
+class _Axes(StrictModel):
     """The axes of a behaviour's grid."""
 
-    distance: AxisSpec = Field(description="How far away the target is over the ground [m].")
-    bearing: AxisSpec | None = Field(
-        default=None, description="In which direction it is; 0 ahead, to the left is positive [rad]."
-    )
-    height: AxisSpec | None = Field(default=None, description="How high its head is [m].")
-
     def given(self) -> dict[str, AxisSpec]:
-        """Return the axes that there are, in the order of ``AXIS_KINDS``."""
-        return {name: axis for name in AXIS_KINDS if (axis := getattr(self, name, None)) is not None}
+        """Return the axes that there are, in the order of ``AXES``."""
+        return {name: axis for name in NAMES if (axis := getattr(self, name)) is not None}
+
+
+def _axis_field(kind: AxisKind) -> tuple[Any, Any]:
+    """Return type and description of the key of an axis; a grid must have the first one."""
+    if kind is AXES[0]:
+        return AxisSpec, Field(description=kind.description)
+    return AxisSpec | None, Field(default=None, description=kind.description)
+
+
+if TYPE_CHECKING:
+    Axes = _Axes
+else:
+    Axes = create_model("Axes", __base__=_Axes, __doc__=_Axes.__doc__, **{one.name: _axis_field(one) for one in AXES})
 
 
 class TargetMovement(StrictModel):
@@ -166,11 +176,24 @@ class BehaviourSpec(StrictModel):
 
     @model_validator(mode="after")
     def _learns_what_it_says(self) -> BehaviourSpec:
-        cells = math.prod(axis.count for axis in self.axes.given().values())
+        given = self.axes.given()
+        cells = math.prod(axis.count for axis in given.values())
         if cells > _MOST_CELLS:
             raise Fault(f"make a grid of {cells:,} cells, expected at most {_MOST_CELLS:,}", "axes")
-        if self.axes.bearing is not None and self.axes.bearing.stretch is not None:
-            raise Fault("is stretched, expected even steps of a bearing", "axes", "bearing", "stretch")
+        for name, axis in given.items():
+            kind = kind_named(name)
+            if kind.period and axis.stretch is not None:
+                raise Fault(f"is stretched, expected even steps of a {name}", "axes", name, "stretch")
+            if axis.reach and name not in MEASURED:
+                raise Fault(f"is true, but strikes reach no {name}, expected false", "axes", name, "reach")
+            if kind.turns and self.backup != "interpolation_of_max":
+                what = f"turns with the avatar, which needs the backup interpolation_of_max, not {self.backup}"
+                raise Fault(what, "axes", name)
+        for index, term in enumerate(self.rewards):
+            for name in term.axes:
+                if name not in given:
+                    what = f"({term_name(term)}) needs the axis {name}, the grid has {', '.join(given)}"
+                    raise Fault(what, "rewards", index)
         if isinstance(self.solver, QLearningSpec) and self.backup != "max_of_interpolated":
             raise Fault("is interpolation_of_max, expected max_of_interpolated with q_learning", "backup")
         if self.finer > 1 and self.backup == "max_of_interpolated":

@@ -79,15 +79,15 @@ def solve_by_levels(
 
 def refine(grid: Grid, times: int) -> Grid:
     """Return a grid with ``times`` as many steps over the ground; all points of the given one are in it."""
-    moving = [_with_steps(axis, times * _steps(axis)) for axis in grid.moving_axes]
+    moving = [_with_steps(axis, times * _steps(axis)) for axis in grid.ground_axes]
     return build_grid([*moving, *grid.axes[len(moving) :]])
 
 
 def coarser_grids(grid: Grid) -> list[Grid]:
     """Return grids of half the steps over the ground, a quarter and so on, from the coarsest to the given one."""
     grids = [grid]
-    while all(_steps(axis) // 2 >= COARSEST for axis in grids[0].moving_axes):
-        moving = [_with_steps(axis, _steps(axis) // 2) for axis in grids[0].moving_axes]
+    while all(_steps(axis) // 2 >= COARSEST for axis in grids[0].ground_axes):
+        moving = [_with_steps(axis, _steps(axis) // 2) for axis in grids[0].ground_axes]
         grids.insert(0, build_grid([*moving, *grid.axes[len(moving) :]]))
     return grids
 

@@ -10,9 +10,10 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.policy.actions import Actions
+from crowdsim.policy.axes.axis import Target
 from crowdsim.policy.environment import LEAD, Grid, fade_factor
-from crowdsim.policy.rewards import TargetBody, Term, pack_terms
-from crowdsim.training.model import action_ends, build_movement, moving_axes
+from crowdsim.policy.rewards import TargetBody, Term, once_of, pack_terms
+from crowdsim.training.model import action_ends, build_movement, ground_axes, places_of, turning_layers
 
 SHOWN = 12.0
 """How far below the best action others are distinguished in a table of bytes, in parts of the behaviour's scale."""
@@ -33,7 +34,7 @@ def action_values_at(
     """Return what every action is worth for some targets, by the values V behind it.
 
     Args:
-        targets: Where the target may be, and how it may move (``ranges.sample_targets``). Shape (N, 5).
+        targets: Where the target may be, how it may move and face (``ranges.sample_targets``). Shape (N, 6).
         grid: The environment.
         terms: The reward's terms.
         values: V. Shape (S, C).
@@ -45,36 +46,43 @@ def action_values_at(
         Q. Shape (A, N), float32.
     """
     from crowdsim.training.kernels.judging import Learned, fill_action_values
-    from crowdsim.training.kernels.rewards import Places
 
-    layers, shares = _layers_around(grid, targets[:, 1])
+    x, height, z, vx, vz, heading = np.ascontiguousarray(targets.T)
+    layers, shares = _layers_around(grid, Target(x, height, z, vx, vz, heading))
     learned = Learned(
-        axes=moving_axes(grid),
+        axes=ground_axes(grid),
         ends=action_ends(actions, build_movement())[0],
+        turning=turning_layers(grid),
         discounts=(discount ** actions.lengths.astype(np.float64)).astype(np.float32),
         values=np.ascontiguousarray(values, np.float32),
         terms=pack_terms(terms, body),
+        once=once_of(terms, actions),
         log_discount=math.log(discount),
-        heights=np.ascontiguousarray(targets[:, 1]),
+        heights=height,
+        headings=heading,
         layers=layers,
         shares=shares,
         lead=LEAD * float(actions.lengths.mean()),
     )
-    places = Places(*(np.ascontiguousarray(targets[:, axis], np.float32) for axis in (0, 2, 3, 4)))
+    places = places_of(Target(x, height, z, heading=heading), vx, vz)
     result = np.empty((actions.action_count, len(targets)), np.float32)
     own = actions._replace(next=actions.next % np.int32(actions.state_count))
     share(actions.action_count, fill_action_values, own, learned, places, result)
     return result
 
 
-def _layers_around(grid: Grid, heights: Array) -> tuple[Array, Array]:
-    """Return the layers of a grid below and above heights (N,), shape (2, N), and the share of those above, (N,)."""
-    axis = next((one for one in grid.axes if one.name == "height"), None)
-    if axis is None:
-        return np.zeros((2, len(heights)), np.int64), np.zeros(len(heights), np.float32)
-    place = np.clip(axis.places(heights), 0.0, axis.count - 1.0)
-    lower = np.minimum(place.astype(np.int64), max(axis.count - 2, 0))
-    return np.stack([lower, np.minimum(lower + 1, axis.count - 1)]), (place - lower).astype(np.float32)
+def _layers_around(grid: Grid, targets: Target) -> tuple[Array, Array]:
+    """Return the layers of a grid around targets (arrays of N), and their shares. Shapes (E, N), int64 and float32."""
+    cells, shares = np.zeros((1, len(targets.x)), np.int64), np.ones((1, len(targets.x)), np.float32)
+    for axis, stride in list(zip(grid.axes, grid.strides, strict=True))[len(grid.ground_axes) :]:
+        values = [axis.kind.value(Target(*one)) for one in zip(*targets, strict=True)]
+        place = axis.places(values) % axis.count if axis.wraps else np.clip(axis.places(values), 0.0, axis.count - 1.0)
+        lower = np.minimum(place.astype(np.int64), axis.count - 1 if axis.wraps else max(axis.count - 2, 0))
+        upper = (lower + 1) % axis.count if axis.wraps else np.minimum(lower + 1, axis.count - 1)
+        share = (place - lower).astype(np.float32)
+        cells = np.concatenate([cells + lower * stride, cells + upper * stride])
+        shares = np.concatenate([shares * (np.float32(1.0) - share), shares * share])
+    return cells, shares
 
 
 def decisive_scale(values: Array, actions: Actions, fades: Array, greatest: float) -> float:
@@ -104,8 +112,8 @@ def decisive_scale(values: Array, actions: Actions, fades: Array, greatest: floa
 
 
 def fades_of(grid: Grid, targets: Array) -> Array:
-    """Return how much a behaviour counts for each target (N, 5). Shape (N,)."""
-    return np.array([fade_factor(grid, target[:3]) for target in targets])
+    """Return how much a behaviour counts for each target (N, 6). Shape (N,)."""
+    return np.array([fade_factor(grid, target) for target in targets])
 
 
 def advantages(q: Array, actions: Actions, cells: int, shown: float) -> Array:

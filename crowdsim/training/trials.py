@@ -119,21 +119,21 @@ def _run_trials(
     policy: Policy, behaviour: Behaviour, states: Array, targets: Array, horizon: int, goal: _Goal
 ) -> Array:
     """Return in which control frame each trial reaches its goal, NaN where it does not in time. Shape (N,)."""
+    from crowdsim.policy.axes.axis import Target
     from crowdsim.policy.kernels.axes import Corners
-    from crowdsim.policy.kernels.rewards import Target
     from crowdsim.policy.kernels.values import evaluate_actions
 
     tables = _tables_of(policy, behaviour)
     actions = policy.actions
     most = int(np.diff(actions.offsets).max())
     corners, values = Corners(np.empty(64, np.int64), np.empty(64)), np.empty(most)
-    weights = np.ones(1)
+    weights, headings = np.ones(1), math.tau * ((np.arange(len(states)) * 0.6180339887498949) % 1.0)
     times = np.full(len(states), np.nan)
     for i in range(len(states)):
-        state, target, frame = int(states[i]), np.asarray(targets[i], dtype=float), 0
+        state, target, frame, heading = int(states[i]), np.asarray(targets[i], dtype=float), 0, float(headings[i])
         while frame < horizon:
             count = evaluate_actions(
-                tables, weights, state, Target(target[0], target[1], target[2], 0.0, 0.0), corners, values
+                tables, weights, state, Target(target[0], target[1], target[2], 0.0, 0.0, heading), corners, values
             )
             action = int(actions.offsets[state]) + int(np.argmax(values[:count]))
             reached = frame + _time_in_action(policy, action, target, goal)
@@ -141,7 +141,8 @@ def _run_trials(
                 times[i] = reached
                 break
             frame += int(actions.lengths[action])
-            target = ground.to_local(actions.paths[actions.path_offsets[action + 1] - 1], target)
+            end = actions.paths[actions.path_offsets[action + 1] - 1]
+            target, heading = ground.to_local(end, target), heading - float(end[2])
             state = int(actions.next[action])
     return times
 

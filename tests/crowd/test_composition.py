@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from naive_policy import action_values
 from synthetic_policy import policy
 
 from crowdsim.crowd.crowd import Crowding, build_crowd
 from crowdsim.crowd.simulate import simulate
-from crowdsim.policy.policy import action_values
 from crowdsim.training.behaviours import train_behaviour
 from crowdsim.training.recipe import BehaviourSpec
 

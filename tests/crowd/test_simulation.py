@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import naive_crowd
 import numpy as np
 import pytest
+from naive_policy import action_values
 from synthetic_policy import policy
 
 from crowdsim.crowd import buffers, simulation
@@ -21,7 +22,6 @@ from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.triggers import AtFrame, Landed, Near
 from crowdsim.errors import RunError
 from crowdsim.policy.bundle import encode
-from crowdsim.policy.policy import action_values
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TransitionTerm
 from crowdsim.scenario.scenario import load_scenario
 

@@ -4,16 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from naive_policy import action_values
 from synthetic_policy import policy
 
 from crowdsim.crowd.buffers import empty_scratch
 from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.crowd.model import build_model
+from crowdsim.policy.axes.axis import Target
 from crowdsim.policy.bundle import encode
+from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.kernels.axes import Corners
-from crowdsim.policy.kernels.rewards import Target
 from crowdsim.policy.kernels.values import evaluate_actions
-from crowdsim.policy.policy import action_values
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TransitionTerm
 
 
@@ -69,6 +70,17 @@ def stretched(chosen):
     return replace(chosen, behaviours=tuple(behaviours))
 
 
+def with_headings(chosen, seed=3):
+    """A policy whose behaviours see which way their target faces: one of them beside its height."""
+    rng, behaviours = np.random.default_rng(seed), []
+    for each in chosen.behaviours:
+        grid = build_grid([*each.grid.axes, Axis("heading", -np.pi, np.pi, 5, wraps=True)])
+        table = rng.uniform(0, 5, len(each.table) * 5).astype(np.float32)
+        behaviours.append(replace(each, grid=grid, table=table))
+    values = np.concatenate([each.table for each in behaviours])
+    return replace(chosen, behaviours=tuple(behaviours), values=values)
+
+
 def compare(chosen, seed=0, count=60):
     """Compare all values of random states, targets, movements and weights; return them."""
     rng = np.random.default_rng(seed)
@@ -78,16 +90,17 @@ def compare(chosen, seed=0, count=60):
     targets = rng.uniform([-2.5, 1.0, -2.5], [2.5, 1.9, 2.5], (count, 3))
     moving = rng.normal(0.0, 0.1, (count, 2))
     lasts = rng.choice([0.0, 0.7, 2.0, 3.5, np.inf], count)
+    headings = rng.uniform(-np.pi, np.pi, count)
     scratch.order[:], scratch.cohorts[:], scratch.policies[:] = rng.permutation(count), np.arange(count), 0
     scratch.states[:] = states
-    scratch.situations[:] = np.column_stack([targets, moving, lasts])
+    scratch.situations[:] = np.column_stack([targets, moving, lasts, headings])
     scratch.values[:] = np.nan
     value_actions(model, weights, scratch, 0, count)
     found = []
     for k in range(count):
         named = {each.name: weights[k, column] for column, each in enumerate(chosen.behaviours)}
         velocity = (moving[k, 0], 0.0, moving[k, 1])
-        expected = action_values(chosen, named, states[k], targets[k], velocity, lasts[k])
+        expected = action_values(chosen, named, states[k], (*targets[k], headings[k]), velocity, lasts[k])
         found.append(scratch.values[k, : len(expected)].copy())
         np.testing.assert_allclose(found[-1], expected, rtol=2e-6, atol=2e-6)
     return np.concatenate(found)
@@ -115,9 +128,16 @@ def test_values_on_stretched_grids_are_those_of_the_plain_version(lookup, precis
 
 
 @pytest.mark.parametrize("lookup", ["v", "q"])
+def test_values_for_a_target_that_faces_some_way_are_those_of_the_plain_version(lookup):
+    chosen = with_headings(policy(4, lookup))
+    assert [axis.name for axis in chosen.behaviours[1].grid.axes] == ["distance", "bearing", "height", "heading"]
+    assert np.abs(compare(chosen) - compare(policy(4, lookup))).max() > 0.05, "the heading counts"
+
+
+@pytest.mark.parametrize("lookup", ["v", "q"])
 @pytest.mark.parametrize("terms", [TERMS["all"], [PRICE], TERMS["bands that differ in one number"]])
 def test_values_in_training_are_those_of_the_plain_version(lookup, terms):
-    chosen = stretched(with_terms(policy(4, lookup), terms))
+    chosen = with_headings(stretched(with_terms(policy(4, lookup), terms)))
     first, last = chosen.behaviours
     chosen = replace(chosen, behaviours=(first, replace(last, scale=0.7)))
     tables, rng = chosen.lookup_tables(), np.random.default_rng(1)
@@ -126,9 +146,10 @@ def test_values_in_training_are_those_of_the_plain_version(lookup, terms):
         state, weights = int(rng.integers(chosen.actions.state_count)), rng.uniform(0, 2, 2) * rng.integers(0, 2, 2)
         target = rng.uniform([-2.0, 1.0, -2.0], [2.0, 1.8, 2.0])
         vx, vz = rng.normal(0.0, 0.1, 2) * rng.integers(0, 2)
-        n = evaluate_actions(tables, weights, state, Target(*target, vx, vz), corners, out)
+        heading = rng.uniform(-4.0, 4.0)
+        n = evaluate_actions(tables, weights, state, Target(*target, vx, vz, heading), corners, out)
         named = {each.name: weight for each, weight in zip(chosen.behaviours, weights, strict=True)}
-        expected = action_values(chosen, named, state, target, (vx, 0.0, vz))
+        expected = action_values(chosen, named, state, (*target, heading), (vx, 0.0, vz))
         np.testing.assert_allclose(out[:n], expected, rtol=1e-5, atol=1e-5)
 
 

@@ -7,15 +7,15 @@ import shutil
 
 import numpy as np
 import pytest
+from naive_policy import action_values
 
 from crowdsim import files
 from crowdsim.errors import MotionError, OutputError, PolicyError
 from crowdsim.policy import bundle
+from crowdsim.policy.axes.axis import Target
 from crowdsim.policy.bundle import load_policy
 from crowdsim.policy.kernels.axes import Corners
-from crowdsim.policy.kernels.rewards import Target
 from crowdsim.policy.kernels.values import evaluate_actions
-from crowdsim.policy.policy import action_values
 from crowdsim.training.recipe import load_recipe
 from crowdsim.training.scales import SHOWN, advantages
 from crowdsim.training.statistics import inspect_bundle
@@ -116,7 +116,7 @@ def test_compiled_look_ups_are_those_of_the_plain_version(trained):
         state = int(draw.integers(policy.actions.state_count))
         target = draw.uniform([-2.0, 1.0, -2.0], [2.0, 1.8, 2.0])
         weights = {"approach": float(draw.integers(0, 2)), "punch": float(draw.uniform(0, 2))}
-        seen = Target(*target, 0.0, 0.0)
+        seen = Target(*target, 0.0, 0.0, 0.0)
         n = evaluate_actions(tables, np.array(list(weights.values())), state, seen, corners, out)
         np.testing.assert_allclose(out[:n], action_values(policy, weights, state, target), rtol=1e-4, atol=1e-5)
 

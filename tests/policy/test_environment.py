@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from naive_policy import random_actions
+from naive_policy import corners, measure
 
 from crowdsim.errors import RecipeError
-from crowdsim.policy.environment import AXIS_KINDS, Axis, AxisKind, build_grid, corners, fade_factor, measure
-from crowdsim.policy.rewards import ProximityTerm, TargetBody
-from crowdsim.training.model import build_model
+from crowdsim.policy.axes.axis import Target
+from crowdsim.policy.axes.registry import AXES, NAMES
+from crowdsim.policy.environment import Axis, build_grid, fade_factor
 
 PUNCH = build_grid(
     [
@@ -35,7 +35,7 @@ def compiled_corners(grid, target):
     from crowdsim.policy.kernels.axes import Corners, fade_on_axes, find_corners
 
     corners = Corners(np.empty(64, np.int64), np.empty(64))
-    place = grid.pack(), 0, len(grid.axes), *map(float, target)
+    place = grid.pack(), 0, len(grid.axes), Target(*map(float, np.pad(target, (0, 6 - len(target)))))
     count = find_corners(*place, corners)
     return corners.cells[:count], corners.weights[:count], fade_on_axes(*place)
 
@@ -144,7 +144,7 @@ def test_an_axis_of_one_point_is_the_same_everywhere():
     [
         (
             [Axis("distanz", 0, 1, 2)],
-            "unknown axis 'distanz', expected one of distance, bearing, height (did you mean 'distance'?)",
+            "unknown axis 'distanz', expected one of distance, bearing, height, heading (did you mean 'distance'?)",
         ),
         ([Axis("distance", 0, 1, 0)], "axis 'distance' has 0 grid points, expected 1 or more"),
         ([Axis("distance", 1, 1, 2)], "axis 'distance' reaches from 1 to 1, expected a range upwards"),
@@ -168,20 +168,13 @@ def test_impossible_grids_are_refused(axes, message):
     assert str(error.value) == message
 
 
-@pytest.mark.parametrize("moves", [True, False])
-def test_an_unknown_axis_is_refused_by_name(moves, monkeypatch):
-    monkeypatch.setitem(AXIS_KINDS, "pace", AxisKind(3, "m/s", 0.0, moves))
-    grid = build_grid([*PUNCH.axes, Axis("pace", 0.0, 1.0, 2)])
-    assert [axis.name for axis in grid.moving_axes] == ["distance", "bearing", "pace"][: 2 + moves]
-    assert grid.axes[: len(grid.moving_axes)] == grid.moving_axes
-    terms = (ProximityTerm(kind="proximity"),)
-    for use in (grid.pack, grid.targets, lambda: build_model(random_actions(), grid, terms, TargetBody(), 0.97)):
-        with pytest.raises(RecipeError) as error:
-            use()
-        assert str(error.value) == "'pace' is no axis of training, expected one of distance, bearing, height"
-    with pytest.raises(RecipeError, match="unknown axis 'pace'"):
-        corners(grid, at(1.0, 0.0))
+def test_axes_over_the_ground_come_first_in_a_grid():
+    assert [kind.over_ground for kind in AXES] == sorted((kind.over_ground for kind in AXES), reverse=True)
+    assert len(set(NAMES)) == len(NAMES)
 
 
-def test_every_axis_has_a_code_of_its_own():
-    assert len({kind.code for kind in AXIS_KINDS.values()}) == len(AXIS_KINDS)
+@pytest.mark.parametrize("kind", AXES, ids=NAMES)
+def test_an_axis_measures_what_it_places(kind):
+    values = np.linspace(0.1, 3.0, 7)
+    placed = kind.place(Target(*(np.full(7, number) for number in (0.3, 1.5, 0.8, 0.0, 0.0, 0.7))), values)
+    assert [kind.value(Target(*one)) for one in zip(*placed, strict=True)] == pytest.approx(values)

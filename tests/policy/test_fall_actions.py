@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from falling import falling_policy, recipe
+from naive_policy import action_values
 
 from crowdsim.errors import PolicyError
 from crowdsim.graph.features import frame_features
@@ -16,7 +17,7 @@ from crowdsim.policy.actions import stillness_between
 from crowdsim.policy.bundle import load_policy, write_arrays, write_bundle
 from crowdsim.policy.falls import _arrivals
 from crowdsim.policy.flattening import flatten_policy
-from crowdsim.policy.policy import Policy, action_values
+from crowdsim.policy.policy import Policy
 from crowdsim.training.train import train_policy
 
 

@@ -1,23 +1,23 @@
 """Rewards: the compiled ones against the plain ones, and what they mean."""
 
 import math
-from typing import Any, ClassVar, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 import pytest
-from naive_policy import random_actions
+from naive_policy import action_reward, comes_through, random_actions
 from naive_policy import surface_distance as naive_distance
 
 from crowdsim.core.bodies import PosedBody, lands_on_posed_body
 from crowdsim.crowd.kernels import layout
-from crowdsim.crowd.kernels.layout import Target
 from crowdsim.crowd.kernels.rewards import Options, add_strikes
+from crowdsim.crowd.kernels.values import Target
 from crowdsim.errors import RecipeError
-from crowdsim.policy import rewards
-from crowdsim.policy.action_rewards import action_reward
 from crowdsim.policy.actions import Actions
+from crowdsim.policy.axes.axis import Target as Observed
 from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.kernels import rewards as kernels
+from crowdsim.policy.policy import Behaviour, build_lookup_tables
 from crowdsim.policy.rewards import (
     WASTED,
     AnyTerm,
@@ -26,12 +26,14 @@ from crowdsim.policy.rewards import (
     TargetBody,
     Term,
     TransitionTerm,
-    comes_through,
     pack_terms,
     posed_distance,
     surface_distance,
 )
 from crowdsim.policy.rewards import lands as landing
+from crowdsim.policy.terms import strike
+from crowdsim.policy.terms.registry import TERMS as REGISTERED
+from crowdsim.policy.terms.registry import names
 from crowdsim.training.model import build_model, build_movement
 
 BODY = TargetBody()
@@ -55,10 +57,19 @@ NAMES = [
 ]  # fmt: skip
 
 
+GRID = build_grid([Axis("distance", 0.0, 2.0, 2)])
+
+
 def compiled(actions, action, target, terms, velocity=(0.0, 0.0), discount=0.97):
-    packed = pack_terms(terms, BODY)
-    seen = kernels.Target(*map(float, target), *map(float, velocity))
-    return kernels.action_reward(actions, action, seen, packed, 0, len(packed), math.log(discount))
+    table = np.zeros(actions.state_count * GRID.cells, np.float32)
+    behaviour = Behaviour("one", GRID, "v", table, 1.0, tuple(terms), discount)
+    seen = Observed(*map(float, target), *map(float, velocity), 0.0)
+    return kernels.action_reward(build_lookup_tables(actions, (behaviour,), BODY), 0, action, seen)
+
+
+def strike_lands(fist, origin, head, terms):
+    """Whether a strike lands by the first of some terms."""
+    return bool(strike.lands.py_func(fist, origin, head, strike.read_surface.py_func(terms.view(np.recarray)[0])))
 
 
 @pytest.mark.parametrize("term", TERMS, ids=NAMES)
@@ -104,40 +115,25 @@ def test_a_model_earns_in_each_cell_what_the_plain_version_says(terms):
 
 
 class Toy(Term):
-    """A term that nothing evaluates."""
+    """A term that is not registered."""
 
-    code: ClassVar[int] = 3
     kind: Literal["toy"] = "toy"
 
-    def pack(self, body):
-        """Return the weight."""
-        return (self.weight,)
 
-
-def test_an_unknown_term_is_refused_by_name(monkeypatch):
-    monkeypatch.setitem(rewards.TERMS, "toy", Toy)
-    actions, target = random_actions(), (0.2, 1.4, 0.7)
+def test_a_term_that_is_not_registered_is_refused_by_name():
     grid = build_grid([Axis("distance", 0.0, 2.0, 3)])
     for use in (
         lambda: pack_terms([*TERMS, Toy()], BODY),
-        lambda: action_reward(actions, 0, target, (Toy(),), BODY, 0.97),
-        lambda: build_model(actions, grid, (*TERMS, Toy()), BODY, 0.97),
+        lambda: build_model(random_actions(), grid, (*TERMS, Toy()), BODY, 0.97),
     ):
         with pytest.raises(RecipeError) as error:
             use()
-        assert str(error.value) == (
-            "'toy' is no reward term of training, expected one of strike, proximity, transition"
-        )
+        assert str(error.value) == "'toy' is no reward term, expected one of strike, proximity, transition"
 
 
-def test_compiled_code_refuses_a_term_that_it_has_no_branch_for(monkeypatch):
-    monkeypatch.setattr(rewards, "COMPILED", (*rewards.COMPILED, Toy))
-    assert math.isnan(compiled(random_actions(), 0, (0.2, 1.4, 0.7), (Toy(),)))
-
-
-def test_every_term_has_a_unique_code_and_a_key_in_recipes():
-    assert len({term.code for term in rewards.TERMS.values()}) == len(rewards.TERMS)
-    assert set(get_args(get_args(AnyTerm)[0])) == set(rewards.TERMS.values()) == set(rewards.COMPILED)
+def test_every_registered_term_has_a_key_in_recipes():
+    assert set(get_args(get_args(AnyTerm)[0])) == set(REGISTERED)
+    assert names() == ["strike", "proximity", "transition"]
 
 
 def test_terms_add_up():
@@ -164,7 +160,7 @@ def test_a_fist_lands_within_the_tolerance_of_the_surface_of_head_or_torso():
         ((0.0, 1.492, 1.005), False),  # deeper in the head, and still where the torso ends
     ]:
         assert landing(surface_distance(point, head, BODY), 0.1) is lands
-        assert kernels.strike_lands(tuple(point), tuple(point[::2]), tuple(head), term, 0) is lands
+        assert strike_lands(tuple(point), tuple(point[::2]), tuple(head), term) is lands
 
 
 def test_the_distance_from_a_surface_is_signed_and_that_of_head_and_torso_together():
@@ -195,7 +191,7 @@ def test_compiled_control_and_training_land_as_the_naive_twin_does(tolerance, sc
         landed += lands
         assert surface_distance(point, head, body) == pytest.approx(distance, abs=1e-7)
         assert landing(surface_distance(point, head, body), tolerance) == lands
-        assert kernels.strike_lands(tuple(point), tuple(point[::2]), tuple(head), term, 0) == lands
+        assert strike_lands(tuple(point), tuple(point[::2]), tuple(head), term) == lands
         posed = PosedBody(tuple(head), tuple(neck), tuple(pelvis), *map(float, radii))
         assert lands_on_posed_body(tuple(point), posed, tolerance) == lands
         assert added == lands
@@ -220,10 +216,10 @@ def lands_in_control(points, head, term, origin=None):
     strikes[:, [layout.FROM_X, layout.FROM_Z]] = points[:, [0, 2]] if origin is None else origin
     strikes[:, layout.OWNER], strikes[:, layout.WORTH] = np.arange(count), 1.0
     row = term.copy()
-    row[0, 8] = layout.WORTH
+    row["column"] = layout.WORTH
     out = np.zeros(count)
     model = Rewarded(actions, strikes, row)
-    target = Target(*head, 0.0, 0.0, np.inf)
+    target = Target(*head, 0.0, 0.0, np.inf, 0.0)
     add_strikes(model, 0, Options(0, count, out), target, 1.0, np.empty(count))
     return out == 1.0
 
@@ -237,7 +233,7 @@ def test_a_kick_that_comes_through_a_body_does_not_land_on_its_far_side():
     # A punch may land there, if an arm gets there at all.
     assert lands_in_control(points, head, term).tolist() == [False, True, True, True, False]
     for point, expected in zip(points, ends.values(), strict=True):
-        assert kernels.strike_lands(tuple(point), origin, tuple(head), term, 0) is expected
+        assert strike_lands(tuple(point), origin, tuple(head), term) is expected
         assert comes_through(point, origin, head) is bool(point[2] > 0.84)
 
 

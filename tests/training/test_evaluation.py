@@ -5,12 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from naive_policy import random_actions
+from naive_policy import action_reward, action_values, random_actions
 
 from crowdsim.motion import ground
-from crowdsim.policy.action_rewards import action_reward
 from crowdsim.policy.environment import Axis, build_grid
-from crowdsim.policy.policy import Behaviour, Policy, action_values
+from crowdsim.policy.policy import Behaviour, Policy
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TargetBody, TransitionTerm
 from crowdsim.training.evaluation import Composition, EpisodeSettings, run_episodes
 

@@ -80,7 +80,11 @@ def test_a_graph_that_is_not_its_own_mirror_image_is_known(motion, wide):
 
 
 @pytest.mark.parametrize("target", [STILL, MOVING], ids=["still", "moving"])
-@pytest.mark.parametrize("options", [{}, {"lookup": "q"}, {"finer": 2}], ids=["v", "q", "finer"])
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"lookup": "q"}, {"finer": 2}, {"axes": {**GRID, "heading": {"count": 6}}}],
+    ids=["v", "q", "finer", "heading"],
+)
 def test_values_of_captured_states_and_their_images_are_those_of_all_states(motion, pruned, target, options):
     spec = recipe_of(target=target, **options).behaviours["fight"]
     actions, body = build_actions(motion, pruned), target_body(motion)
@@ -110,17 +114,21 @@ def test_all_states_are_solved_where_halves_may_differ(motion, pruned):
 @pytest.mark.parametrize("count", [7, 8])
 def test_the_mirror_image_of_a_cell_is_where_the_mirror_image_of_its_target_is(count):
     axes = [Axis("distance", 0.5, 2.0, 3), Axis("bearing", -np.pi, np.pi, count, wraps=True), Axis("height", 1, 2, 2)]
-    grid = build_grid(axes)
-    targets = grid.targets().T.astype(np.float32)
-    images = values_with_images(targets, grid)[3:]
-    np.testing.assert_allclose(images, targets * [[-1.0], [1.0], [1.0]], atol=1e-6)
+    grid = build_grid([*axes, Axis("heading", -np.pi, np.pi, count + 1, wraps=True)])
+    observed = grid.observed()
+    targets = np.stack([*observed[:3], np.sin(observed.heading), np.cos(observed.heading)]).astype(np.float32)
+    images = values_with_images(targets, grid)[len(targets) :]
+    np.testing.assert_allclose(images, targets * [[-1.0], [1.0], [1.0], [-1.0], [1.0]], atol=1e-6)
 
 
-def test_bearings_that_reach_as_far_to_the_left_as_to_the_right_have_mirror_images():
-    distance = Axis("distance", 0.5, 2.0, 3)
-    assert mirrored_points(build_grid([distance, Axis("bearing", -1.0, 1.0, 4)])).tolist() == [3, 2, 1, 0]
-    assert mirrored_points(build_grid([distance, Axis("bearing", -1.0, 1.5, 4)])) is None
-    assert mirrored_points(build_grid([distance, Axis("bearing", 0.1, 0.1 + 2 * np.pi, 4, wraps=True)])) is None
-    plain = build_grid([distance])
+@pytest.mark.parametrize("name", ["bearing", "heading"])
+def test_angles_that_reach_as_far_to_the_left_as_to_the_right_have_mirror_images(name):
+    assert mirrored_points(Axis(name, -1.0, 1.0, 4)).tolist() == [3, 2, 1, 0]
+    assert mirrored_points(Axis(name, -1.0, 1.5, 4)) is None
+    assert mirrored_points(Axis(name, 0.1, 0.1 + 2 * np.pi, 4, wraps=True)) is None
+
+
+def test_distances_are_their_own_mirror_images():
+    plain = build_grid([Axis("distance", 0.5, 2.0, 3)])
     values = np.arange(3.0).reshape(1, 3)
     np.testing.assert_array_equal(values_with_images(values, plain), [values[0], values[0]])

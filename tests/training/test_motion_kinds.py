@@ -54,8 +54,8 @@ def policy(tiny_policy: Path):
 
 
 def test_maps_show_the_kind_of_the_best_action_at_the_position_of_the_target(policy):
+    from crowdsim.policy.axes.axis import Target
     from crowdsim.policy.kernels.axes import Corners
-    from crowdsim.policy.kernels.rewards import Target
     from crowdsim.policy.kernels.values import evaluate_actions
 
     behaviour, states = policy.behaviours[0], chosen_states(policy, 2)
@@ -70,7 +70,7 @@ def test_maps_show_the_kind_of_the_best_action_at_the_position_of_the_target(pol
         for row, column in ((10, 15), (15, 10), (4, 8)):
             found = np.empty(64)
             # To the right on the map is -x of the avatar.
-            target = Target(-sides[column], 1.5, sides[row], 0.0, 0.0)
+            target = Target(-sides[column], 1.5, sides[row], 0.0, 0.0, 0.0)
             n = evaluate_actions(tables, np.ones(1), state, target, Corners(np.empty(64, int), np.empty(64)), found)
             assert shown[row, column] == kinds[int(policy.actions.offsets[state]) + int(found[:n].argmax())]
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from naive_policy import random_actions
+from naive_policy import corners, random_actions
 
 from crowdsim.errors import RecipeError
-from crowdsim.policy.environment import Axis, build_grid, corners
+from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TargetBody
 from crowdsim.training.model import build_model
 from crowdsim.training.recipe import load_recipe

@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
-from naive_policy import by_action, random_actions
+from naive_policy import by_action, corners, random_actions
 from naive_policy import value_iteration as naive_value_iteration
 
 from crowdsim.core.workers import limited
 from crowdsim.policy.actions import Actions
-from crowdsim.policy.environment import Axis, build_grid, corners
+from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TargetBody, TransitionTerm
 from crowdsim.training.kernels.exploration import Learning, try_everything
-from crowdsim.training.kernels.successors import empty_successors, find_successors
+from crowdsim.training.kernels.successors import END, GROUND_AXIS, empty_successors, find_successors
 from crowdsim.training.model import BACKUPS, build_model, build_movement
 from crowdsim.training.q_learning import q_learning
 from crowdsim.training.solution import q_table, sweep_model
@@ -69,13 +69,32 @@ def test_successors_are_where_the_plain_grid_sees_the_target_after_each_action(g
 
 def test_bearings_come_within_a_few_millionths_of_the_arc_tangent():
     angles = np.concatenate([np.linspace(-np.pi, np.pi, 2001), np.arange(-4, 5) * np.pi / 4])
-    axes = np.array([[0, 1, 1, 0, 0, 0], [-np.pi, 1000, 7000, 0, 0, 1]], np.float32)
-    ends, count = np.array([0, 0, 1, 0, 1], np.float32), len(angles)
+    axes = np.array([(0, 1, 1, 0, 0, 0), (-np.pi, 1000, 7000, 0, 0, 1)], GROUND_AXIS)
+    ends, count = np.array([(0, 0, 1, 0, 0, 1)], END), len(angles)
     found = empty_successors(count)
-    find_successors(axes, ends, *(part(angles).astype(np.float32) for part in (np.sin, np.cos)), found)
+    find_successors(axes, ends[0], *(part(angles).astype(np.float32) for part in (np.sin, np.cos)), found)
     error = (found.lowers + found.around) / 1000.0 - np.pi - angles
     error -= 2.0 * np.pi * np.round(error / (2.0 * np.pi))
     assert np.abs(error).max() < 5e-6
+
+
+TURNING = {
+    "heading": [Axis("heading", -np.pi, np.pi, 5, wraps=True)],
+    "height and heading": [Axis("height", 1.2, 1.6, 2), Axis("heading", -np.pi, np.pi, 4, wraps=True)],
+    "part of a heading": [Axis("heading", -2.0, 1.0, 4)],
+}
+
+
+@pytest.mark.parametrize("layers", TURNING.values(), ids=TURNING.keys())
+@pytest.mark.parametrize("movement", [build_movement(), build_movement(1.0, 3, 0.4)], ids=["still", "moving"])
+def test_a_heading_turns_with_the_avatar_as_a_naive_solver_says(layers, movement):
+    grid, actions = build_grid([Axis("distance", 0.2, 1.4, 4), CIRCLE, *layers]), random_actions(states=4)
+    backup = "interpolation_of_max"
+    naive = naive_value_iteration(actions, grid, TERMS, BODY, DISCOUNT, movement, backup, sweeps=60)
+    model = model_of(grid, movement, actions)
+    found = value_iteration(model, backup, tolerance=1e-6)
+    assert found.converged
+    np.testing.assert_allclose(by_action(actions, grid.cells, q_table(model, found.values)), naive, atol=1e-5)
 
 
 def test_an_mdp_with_a_known_answer_is_solved():

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from naive_policy import random_actions
+from naive_policy import action_reward, random_actions
 
-from crowdsim.policy.action_rewards import action_reward
 from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TargetBody, TransitionTerm
 from crowdsim.training.model import build_model, build_movement

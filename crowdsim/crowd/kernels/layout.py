@@ -2,6 +2,8 @@
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 # Rows of ``Avatars.whole`` and ``Avatars.real``, a column for each slot, and how many there are.
 (
     NUMBER, POLICY, COHORT, TEAM, SKIP, FIXED, OPPONENT, OPPONENT_BEFORE, DECISIONS, ACTION, ACTION_BEFORE, PENDING,
@@ -14,8 +16,7 @@ from typing import Any, NamedTuple
 WHOLE_ROWS, REAL_ROWS = 18, 23
 SEEN_X, SEEN_Z, SEEN_TURN, SEEN_FRAME = range(4)  # columns of each half of ``Avatars.seen``
 
-# Columns of the tables of ``Model``: actions, moves, paths (rows), strikes, bodies, arms, sizes, policies, behaviours,
-# grids and terms (what all have, those of strikes, those of proximity).
+# Columns of the tables of ``Model``: actions, moves, paths (rows), strikes, bodies, arms, sizes and policies.
 NEXT, LENGTH, ORIGIN, PATHS, STRIKES, FIRST_STRIKE = range(6)
 MOVE_X, MOVE_Z, MOVE_COS, MOVE_SIN, COST, TRANSITION = range(6)
 PATH_X, PATH_Z, PATH_COS, PATH_SIN, PATH_TIME = range(5)
@@ -27,15 +28,17 @@ LEFT_ELBOW, LEFT_FIST = 0, 6
     FOREARM_RADIUS, GLOVE_RADIUS,
 ) = range(14)  # fmt: skip
 STRIDE, BEHAVIOURS, ACTIONS, STATES = range(4)
-(
-    FIRST_AXIS, LAST_AXIS, FIRST_TERM, LAST_TERM, LOOKS_AHEAD, CELLS, TABLE, NORM, DISCOUNT, LOW, STEP, PRICE, EACH,
-) = range(13)  # fmt: skip
-FIRST, PER_UNIT, POINTS, WRAPS, APART, FADE, LEAST, GREATEST, RATE = range(9)
-KIND, WEIGHT = range(2)
-(
-    LANDING, SPEED_WEIGHT, HEAD_SIZE, TORSO_SIZE, TORSO_TOP, TORSO_END, EARNED, EFFORT, WASTE, BEST_STRIKE, WASTED,
-) = range(2, 13)  # fmt: skip
-NEAREST, SIGMA, BEST_FRAME, FACING, FURTHEST, ASIDE = range(2, 8)
+
+GRID_AXIS = np.dtype(
+    [
+        (name, np.float64)
+        for name in ("first", "per_unit", "points", "wraps", "apart", "fade", "least", "greatest", "rate")
+    ]
+)
+"""An axis of a behaviour's grid: the first grid point, grid points in a unit of it (squeezed, see
+``environment.Axis.stretch``), their number, whether the axis wraps, how far apart neighbours lie in the table, the
+fade, its range, and how much values are squeezed."""
+DISTANCE, BEARING, HEIGHT = range(3)  # of a behaviour's axes; there may be others behind them
 
 # Columns of ``Avatars.conditions``: mode as set, in the present and in the next action; standing, health and stamina;
 # temperament; stance; the piece of a rest.
@@ -67,7 +70,7 @@ CHOICE_STREAM, BURST_STREAM = range(2)
 CIRCLE, RECTANGLE = 1.0, 2.0
 
 # Columns of ``Scratch.situations``; rows of ``Scratch.work``, then shares along two axes for each behaviour.
-TARGET_X, TARGET_Y, TARGET_Z, MOVING_X, MOVING_Z, LASTS = range(6)
+TARGET_X, TARGET_Y, TARGET_Z, MOVING_X, MOVING_Z, LASTS, FACING = range(7)
 WORK_X, WORK_Z, WORK_DISTANCE, WORK_BEARING, WORK_STATE, WORK_SHARES = range(6)
 
 MISSED, LANDED, BLOCKED, EVADED = range(4)  # what becomes of a strike

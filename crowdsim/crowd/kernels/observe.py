@@ -17,6 +17,7 @@ from crowdsim.crowd.kernels.layout import (
     COHORT,
     END_X,
     END_Z,
+    FACING,
     HEAD,
     HEADING,
     HIT_BY,
@@ -88,6 +89,8 @@ def observe(model, avatars, world, now, due, count, observed, scratch):
             # The middle counts until the avatar is inside again.
             target, seen = Target(arena[CENTRE_X], target.y, arena[CENTRE_Z], 0.0, 0.0, target.lasts), True
         _write_situation(real, own, target, scratch.situations, q)
+        faces = real[HEADING, slot_of[opponent]] if opponent >= 0 else math.atan2(target.vx, target.vz)
+        scratch.situations[q, FACING] = faces - real[HEADING, own]
         state = model.actions[whole[ACTION, own], NEXT]
         for action in range(model.offsets[state], model.offsets[state + 1], 2):
             ask_for(model.moves, action * model.moves.shape[1])

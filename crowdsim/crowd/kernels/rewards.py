@@ -1,34 +1,20 @@
-"""Rewards of actions along their paths, term by term, for behaviours whose tables are of states."""
+"""Rewards of the actions of a state, for behaviours whose tables are of states: loops over all of them at once."""
 
 import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowdsim.core.bodies import comes_through
 from crowdsim.core.exponentials import exponential
 from crowdsim.crowd.kernels.layout import (
-    ASIDE,
-    BEST_FRAME,
-    BEST_STRIKE,
     COST,
-    EACH,
-    EARNED,
-    FACING,
-    FIRST_TERM,
     FIST_X,
     FIST_Y,
     FIST_Z,
     FROM_X,
     FROM_Z,
-    FURTHEST,
-    HEAD_SIZE,
-    KIND,
-    LANDING,
     LANES,
-    LAST_TERM,
     LENGTH,
-    NEAREST,
     OWNER,
     PATH_COS,
     PATH_SIN,
@@ -36,18 +22,14 @@ from crowdsim.crowd.kernels.layout import (
     PATH_X,
     PATH_Z,
     PATHS,
-    PRICE,
-    SIGMA,
     STRIKES,
     TIME,
-    TORSO_END,
-    TORSO_SIZE,
-    TORSO_TOP,
-    WASTED,
-    WEIGHT,
 )
 from crowdsim.crowd.kernels.tables import whole_lanes
 from crowdsim.jit import kernel
+from crowdsim.policy.terms.registry import ONCE, STRIKE, for_frame_terms
+from crowdsim.policy.terms.strike import is_wasted, lands, read_surface
+from crowdsim.policy.terms.term import Seen
 
 
 class Options(NamedTuple):
@@ -64,85 +46,64 @@ class Options(NamedTuple):
     values: Any
 
 
-class Band(NamedTuple):
-    """Where a target should be: between two distances; ``facing``, straight ahead and at most so far ``aside``."""
-
-    least: float
-    most: float
-    facing: bool
-    aside: float
-
-
 @kernel(inline=True)
 def add_terms(model, b, options, target, factor, scratch):
     """Add ``factor`` times what a behaviour's terms give for a target to what each action is worth."""
-    row, last = int(model.behaviours[b, FIRST_TERM]), int(model.behaviours[b, LAST_TERM])
+    row, last = model.behaviours[b].first_term, model.behaviours[b].end_term
     while row < last:
-        if model.terms[row, KIND] == 0.0:
+        kind = model.terms[row].kind
+        if kind == STRIKE:
             add_strikes(model, row, options, target, factor, scratch.rows)
             row += 1
+        elif kind == ONCE:
+            row += 1  # part of ``Model.moves``
         else:
-            row = _add_nearness(model, b, row, last, options, target, factor, scratch)
+            row = _add_along_paths(model, b, row, last, options, target, factor, scratch.rows)
 
 
 @kernel(inline=True)
 def add_strikes(model, row, options, target, factor, rows):
     """Add ``factor`` times what landed strikes earn by a term to what each action is worth."""
-    actions, strikes, terms, out, n = model.actions, model.strikes, model.terms, options.values, options.n
-    tolerance, head, torso = terms[row, LANDING], terms[row, HEAD_SIZE], terms[row, TORSO_SIZE]
-    column, greatest = int(terms[row, EARNED]), terms[row, BEST_STRIKE] != 0.0
-    wasted = terms[row, WASTED] * terms[row, WASTED]
-    low, high = target.y - terms[row, TORSO_END], target.y - terms[row, TORSO_TOP]
-    # Within the tolerance of the surface (``rewards.lands``) where no square is below its least, which would be too
-    # deep in head or torso, and one is not above its most; which takes no roots.
-    head_least, head_most = max(head - tolerance, 0.0) ** 2, (head + tolerance) ** 2
-    torso_least, torso_most = max(torso - tolerance, 0.0) ** 2, (torso + tolerance) ** 2
+    strikes, term, out, n = model.strikes, model.terms[row], options.values, options.n
+    column, greatest, surface = term.column, term.greatest != 0.0, read_surface(term)
     for k in range(n):
         rows[k] = 0.0
-    begun, end = actions[options.offset, STRIKES], actions[options.offset + n, STRIKES]
+    begun, end = model.actions[options.offset, STRIKES], model.actions[options.offset + n, STRIKES]
     # No branch, since whether a strike lands cannot be predicted.
     for k in range(np.uint64(begun), np.uint64(end)):
-        px, py, pz = strikes[k, FIST_X], strikes[k, FIST_Y], strikes[k, FIST_Z]
+        fist = strikes[k, FIST_X], strikes[k, FIST_Y], strikes[k, FIST_Z]
         t = min(np.float64(strikes[k, TIME]), target.lasts)
-        dx, dy, dz = px - (target.x + t * target.vx), py - target.y, pz - (target.z + t * target.vz)
-        aside = dx * dx + dz * dz
-        to_head = aside + dy * dy
-        dy = py - min(max(py, low), high)
-        to_torso = aside + dy * dy
-        lands = (
-            ((to_head <= head_most) | (to_torso <= torso_most)) & (to_head >= head_least) & (to_torso >= torso_least)
-        )
-        through = comes_through(px, pz, strikes[k, FROM_X], strikes[k, FROM_Z], px - dx, pz - dz)
+        head = target.x + t * target.vx, target.y, target.z + t * target.vz
         action = np.uint64(strikes[k, OWNER])
-        earned = strikes[k, column] * np.float64(lands & (not through))
+        landed = lands(fist, (strikes[k, FROM_X], strikes[k, FROM_Z]), head, surface)
+        earned = strikes[k, column] * np.float64(landed)
         rows[action] = max(rows[action], earned) if greatest else rows[action] + earned
-        out[action] -= factor * strikes[k, column + 1] * np.float64(aside > wasted)
-    factor *= terms[row, WEIGHT]
+        out[action] -= factor * strikes[k, column + 1] * np.float64(is_wasted(fist, head, term))
+    factor *= term.weight
     for k in range(n):
         out[k] += factor * rows[k]
 
 
-@kernel(inline=True)
-def _gaps(paths, first, count, target, band, out):
-    """Write how far a target is from its band along ``count`` rows of paths from ``first`` on."""
-    x, z, vx, vz, lasts = target.x, target.z, target.vx, target.vz, target.lasts
-    least, most, wide = band.least, band.most, band.aside
-    if band.facing:
+def _build_frames(name, read, gap):
+    """Return a kernel that adds what a term of one kind gives to a number for each row of paths."""
+
+    def add(paths, first, count, target, term, out):
+        wanted, weight = read(term, np.float64), term.weight
+        x, z, vx, vz, lasts = target.x, target.z, target.vx, target.vz, target.lasts
+        facing_sin, facing_cos = math.sin(target.heading), math.cos(target.heading)
         for k in range(count):
             row = np.uint64(first + k)
             t = min(np.float64(paths[PATH_TIME, row]), lasts)
             dx, dz = x + t * vx - paths[PATH_X, row], z + t * vz - paths[PATH_Z, row]
-            cos, sin = paths[PATH_COS, row], paths[PATH_SIN, row]
-            aside, ahead = max(abs(dx * cos - dz * sin) - wide, 0.0), dx * sin + dz * cos
-            ahead -= min(max(ahead, least), most)
-            out[k] = math.sqrt(ahead * ahead + aside * aside)
-    else:
-        for k in range(count):
-            row = np.uint64(first + k)
-            t = min(np.float64(paths[PATH_TIME, row]), lasts)
-            dx, dz = x + t * vx - paths[PATH_X, row], z + t * vz - paths[PATH_Z, row]
-            far = math.sqrt(dx * dx + dz * dz)
-            out[k] = abs(far - min(max(far, least), most))
+            seen = Seen(
+                dx, dz, np.float64(paths[PATH_SIN, row]), np.float64(paths[PATH_COS, row]), facing_sin, facing_cos
+            )
+            out[k] += weight * exponential(-gap(seen, wanted))
+
+    return kernel(add, inline=True, name=f"add_rows_of_{name}")
+
+
+_add_rows = for_frame_terms(_build_frames)
 
 
 @kernel(inline=True)
@@ -173,31 +134,23 @@ def _fold(rows, i, weights, t, before, greatest):
 
 
 @kernel(inline=True)
-def _add_nearness(model, b, row, last, options, target, factor, scratch):
-    """Add ``factor`` times proximity terms to what each action is worth; return the row behind the terms.
+def _add_along_paths(model, b, row, last, options, target, factor, rows):
+    """Add ``factor`` times what terms at frames give to what each action is worth; return the row behind them.
 
-    These are the one in ``row`` and those behind it, before ``last``, that differ in weight and width alone: one sum.
+    These are the one in ``row`` and those behind it, before ``last``, if their frames add up: one sum.
     """
-    actions, terms, discounts, gaps, rows = model.actions, model.terms, model.discounts, scratch.gaps, scratch.rows
-    offset, n, out = options.offset, options.n, options.values
+    actions, terms, discounts, offset, n = model.actions, model.terms, model.discounts, options.offset, options.n
     begun, end = actions[offset, PATHS], actions[offset + n, PATHS]
-    facing, greatest = terms[row, FACING] != 0.0, terms[row, BEST_FRAME] != 0.0
-    least, most, wide = terms[row, NEAREST], terms[row, FURTHEST], terms[row, ASIDE]
-    count = whole_lanes(end - begun)
-    _gaps(model.paths, begun, count, target, Band(least, most, facing, wide), gaps)
-    weight, shrink = terms[row, WEIGHT], -1.0 / terms[row, SIGMA]
+    greatest, count = terms[row].greatest != 0.0, whole_lanes(end - begun)
     for k in range(count):
-        rows[k] = weight * exponential(gaps[k] * shrink)
-    row += 1
-    while (
-        not greatest and row < last and terms[row, KIND] != 0.0 and terms[row, BEST_FRAME] == 0.0
-        and terms[row, NEAREST] == least and terms[row, FURTHEST] == most and terms[row, ASIDE] == wide
-        and (terms[row, FACING] != 0.0) == facing
-    ):  # fmt: skip
-        weight, shrink = terms[row, WEIGHT], -1.0 / terms[row, SIGMA]
-        for k in range(count):
-            rows[k] += weight * exponential(gaps[k] * shrink)
+        rows[k] = 0.0
+    while True:
+        _add_rows(terms[row].kind, model.paths, begun, count, target, terms[row], rows)
         row += 1
+        if greatest or row == last:
+            break
+        if terms[row].kind == STRIKE or terms[row].kind == ONCE or terms[row].greatest != 0.0:
+            break
     at = 0
     for k in range(n):
         # Rows of the next action count for nothing: whole lanes leave the number of rounds predictable.
@@ -205,7 +158,7 @@ def _add_nearness(model, b, row, last, options, target, factor, scratch):
         near = 0.0
         for t in range(0, length, LANES):
             near = _fold(rows, np.uint64(at + t), discounts[b, length], np.uint64(t), near, greatest)
-        out[k] += factor * near
+        options.values[k] += factor * near
         at += length
     return row
 
@@ -219,7 +172,7 @@ def count_price_once(model, shares, begun, end, options):
     behaviours = model.behaviours
     priced = 0
     for b in range(begun, end):
-        priced += shares[b - begun, 3] * (behaviours[b, PRICE] + behaviours[b, EACH]) > 0.0
+        priced += shares[b - begun, 3] * (behaviours[b].price + behaviours[b].each) > 0.0
     if priced < 2:
         return
     for k in range(options.n):
@@ -227,7 +180,7 @@ def count_price_once(model, shares, begun, end, options):
         if cost > 0.0:
             total, most = 0.0, 0.0
             for b in range(begun, end):
-                price = shares[b - begun, 3] * (behaviours[b, PRICE] * cost + behaviours[b, EACH])
+                price = shares[b - begun, 3] * (behaviours[b].price * cost + behaviours[b].each)
                 total += price
                 most = max(most, price)
             options.values[k] += total - most

@@ -5,20 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowdsim.crowd.kernels.layout import (
-    APART,
-    FADE,
-    FIRST,
-    GREATEST,
-    LANES,
-    LEAST,
-    PER_UNIT,
-    POINTS,
-    RATE,
-    WORK_BEARING,
-    WORK_DISTANCE,
-    WRAPS,
-)
+from crowdsim.crowd.kernels.layout import BEARING, DISTANCE, LANES, WORK_BEARING, WORK_DISTANCE
 from crowdsim.jit import kernel
 
 
@@ -41,24 +28,19 @@ def whole_lanes(count):
 
 
 @kernel(inline=True)
-def fade(grids, b, distance, bearing, height):
-    """Return how much a behaviour counts for a target: 1 inside its grid, falling to 0 beyond it."""
-    share = 1.0
-    for axis in range(3):
-        if grids[b, axis, FADE] > 0.0:
-            value = distance if axis == 0 else (bearing if axis == 1 else height)
-            beyond = max(grids[b, axis, LEAST] - value, value - grids[b, axis, GREATEST], 0.0)
-            share *= max(0.0, 1.0 - beyond / grids[b, axis, FADE])
-    return share
+def fade(axis, value):
+    """Return how much a behaviour counts for a value on an axis: 1 inside its range, falling to 0 beyond it."""
+    beyond = max(axis.least - value, value - axis.greatest, 0.0)
+    return max(0.0, 1.0 - beyond / axis.fade)
 
 
 @kernel(inline=True)
-def locate(grids, b, axis, value):
+def locate(axis, value):
     """Return the cell below a value on one axis of a grid, the step to the next one in a table, and its share."""
-    place = (value / (1.0 + grids[b, axis, RATE] * value) - grids[b, axis, FIRST]) * grids[b, axis, PER_UNIT]
-    points, stride = grids[b, axis, POINTS], grids[b, axis, APART]
+    place = (value / (1.0 + axis.rate * value) - axis.first) * axis.per_unit
+    points, stride = axis.points, axis.apart
     step = stride if points > 1.0 else 0.0
-    if grids[b, axis, WRAPS] != 0.0:
+    if axis.wraps != 0.0:
         place -= points * math.floor(place / points)
         lower = min(math.floor(place), points - 1.0)
         step = step if lower + 1.0 < points else stride * (1.0 - points)
@@ -74,12 +56,12 @@ def locate_ends(grids, b, cell_count, count, cells, steps, work, near_shares, as
 
     ``work`` holds distances and bearings; ``cells`` are states and become entries; ``steps`` go to the next bearing.
     """
-    near_least, near_per, near_points = grids[b, 0, FIRST], grids[b, 0, PER_UNIT], grids[b, 0, POINTS]
-    aside_least, aside_per, aside_points = grids[b, 1, FIRST], grids[b, 1, PER_UNIT], grids[b, 1, POINTS]
-    rate = grids[b, 0, RATE]
-    near_apart, aside_apart = grids[b, 0, APART], grids[b, 1, APART]
+    distance, bearing = grids[b, DISTANCE], grids[b, BEARING]
+    near_least, near_per, near_points = distance.first, distance.per_unit, distance.points
+    aside_least, aside_per, aside_points = bearing.first, bearing.per_unit, bearing.points
+    rate, near_apart, aside_apart = distance.rate, distance.apart, bearing.apart
     near_last, aside_last = max(near_points - 2.0, 0.0), max(aside_points - 2.0, 0.0)
-    wraps = grids[b, 1, WRAPS] != 0.0
+    wraps = bearing.wraps != 0.0
     once = 1.0 / aside_points if wraps else 0.0
     step = aside_apart if aside_points > 1.0 else 0.0
     back = aside_apart - aside_apart * aside_points if wraps else step

@@ -1,22 +1,22 @@
 """What the actions of a state are worth: ``policy.action_values`` for many situations at a time."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from crowdsim.core.angles import bearings
 from crowdsim.crowd.kernels.layout import (
-    APART,
+    BEARING,
     BEHAVIOURS,
     BLOCK,
-    CELLS,
-    FADE,
+    DISTANCE,
+    FACING,
     FARTHEST,
+    HEIGHT,
     LASTS,
     LATER,
     LENGTH,
-    LOOKS_AHEAD,
-    LOW,
     MOVE_COS,
     MOVE_SIN,
     MOVE_X,
@@ -24,13 +24,9 @@ from crowdsim.crowd.kernels.layout import (
     MOVING_X,
     MOVING_Z,
     NEXT,
-    NORM,
     PATHS,
-    POINTS,
     SOON,
-    STEP,
     STRIKES,
-    TABLE,
     TARGET_X,
     TARGET_Y,
     TARGET_Z,
@@ -41,12 +37,34 @@ from crowdsim.crowd.kernels.layout import (
     WORK_STATE,
     WORK_X,
     WORK_Z,
-    Target,
 )
 from crowdsim.crowd.kernels.prefetch import ask_for
 from crowdsim.crowd.kernels.rewards import Options, add_terms, count_price_once
 from crowdsim.crowd.kernels.tables import Cell, add_rows, fade, interpolate, locate, locate_ends, whole_lanes
 from crowdsim.jit import kernel
+from crowdsim.policy.axes.registry import measure
+
+
+class Target(NamedTuple):
+    """A target in an avatar's ground frame.
+
+    Attributes:
+        x: Where its head is, to the left [m].
+        y: Upwards.
+        z: Ahead.
+        vx: How far it moves in a frame, along x [m].
+        vz: Along z.
+        lasts: For how many frames.
+        heading: Which way it faces [rad].
+    """
+
+    x: float
+    y: float
+    z: float
+    vx: float
+    vz: float
+    lasts: float
+    heading: float
 
 
 @kernel(inline=True)
@@ -78,7 +96,7 @@ def _value_block(model, weights, scratch, first, count, policy):
     if pairs > 0:
         bearings(work[WORK_X], work[WORK_Z], whole_lanes(pairs), work[WORK_BEARING])
         for b in range(begun, end):
-            if model.behaviours[b, LOOKS_AHEAD] != 0.0:
+            if model.behaviours[b].looks_ahead:
                 scratch.nears[b - begun] = _look_ahead(model, b, b - begun, slots, scratch, count, pairs)
     for d in range(count):
         q = scratch.order[first + d]
@@ -92,10 +110,18 @@ def _value_block(model, weights, scratch, first, count, policy):
             factor = scratch.parts[spot, 3]
             if factor == 0.0:
                 continue
-            if model.behaviours[b, LOOKS_AHEAD] == 0.0:
-                _add_row_values(model, b, options, spot, factor, scratch)
+            if not model.behaviours[b].looks_ahead:
+                if model.behaviours[b].turns:
+                    _add_row_values_of_layers(model, b, options, spot, _target_of(scratch, q), factor, scratch)
+                else:
+                    _add_row_values(model, b, options, spot, factor, scratch)
             else:
-                _add_end_values(model, b, b - begun, options, spot, scratch.begins[d], factor, scratch)
+                if model.behaviours[b].turns:
+                    _add_end_values_of_layers(
+                        model, b, b - begun, options, spot, scratch.begins[d], _target_of(scratch, q), factor, scratch
+                    )
+                else:
+                    _add_end_values(model, b, b - begun, options, spot, scratch.begins[d], factor, scratch)
                 add_terms(model, b, options, _target_of(scratch, q), factor, scratch)
         count_price_once(model, scratch.parts[d * slots :], begun, end, options)
 
@@ -106,7 +132,7 @@ def _target_of(scratch, q):
     found = scratch.situations
     return Target(
         found[q, TARGET_X], found[q, TARGET_Y], found[q, TARGET_Z], found[q, MOVING_X], found[q, MOVING_Z],
-        found[q, LASTS],
+        found[q, LASTS], found[q, FACING],
     )  # fmt: skip
 
 
@@ -165,22 +191,26 @@ def _find_cells(model, weights, scratch, q, d, policy, distance):
     # Tables of Q-values hold targets at rest only: they are read at the position of the target half an action later.
     t = min(model.sizes[policy, SOON], target.lasts)
     soon_x, soon_z = target.x + t * target.vx, target.z + t * target.vz
-    bearing, sought, ahead = 0.0, False, False
+    ahead = False
     for b in range(begun, end):
         spot = d * (end - begun) + b - begun
         factor = weights[scratch.cohorts[q], b - begun]
-        if not sought and grids[b, 1, FADE] > 0.0:
-            bearing, sought = math.atan2(target.x, target.z), True
         if factor != 0.0:
-            norm = behaviours[b, NORM]
-            factor = factor * fade(grids, b, distance, bearing, target.y) / norm if norm > 0.0 else 0.0
+            norm, share = behaviours[b].scale, 1.0
+            for kind in range(grids.shape[1]):
+                if grids[b, kind].fade > 0.0:
+                    share *= fade(grids[b, kind], distance if kind == DISTANCE else measure(kind, target))
+            factor = factor * share / norm if norm > 0.0 else 0.0
         scratch.parts[spot, 3] = factor
         if factor == 0.0:
             continue
-        cell, scratch.spots[spot, 3], scratch.parts[spot, 2] = locate(grids, b, 2, target.y)
-        if behaviours[b, LOOKS_AHEAD] != 0.0:
+        if behaviours[b].turns:
+            cell, scratch.spots[spot, 3], scratch.parts[spot, 2] = 0, 0, 0.0  # see ``_corner_of_layers``
+        else:
+            cell, scratch.spots[spot, 3], scratch.parts[spot, 2] = locate(grids[b, HEIGHT], target.y)
+        if behaviours[b].looks_ahead:
             ahead = True
-            scratch.spots[spot, 0] = int(behaviours[b, TABLE]) + cell
+            scratch.spots[spot, 0] = behaviours[b].table + cell
         else:
             _find_rows(model, b, scratch.states[q], scratch, spot, cell, soon_x, soon_z)
     return ahead
@@ -192,9 +222,9 @@ def _find_rows(model, b, state, scratch, spot, cell, x, z):
     behaviours, offset = model.behaviours, model.offsets[state]
     n = model.offsets[state + 1] - offset
     far = math.sqrt(x * x + z * z)
-    near, near_step, scratch.parts[spot, 0] = locate(model.grids, b, 0, far)
-    aside, aside_step, scratch.parts[spot, 1] = locate(model.grids, b, 1, math.atan2(x, z))
-    at = int(behaviours[b, TABLE]) + offset * int(behaviours[b, CELLS]) + (cell + near + aside) * n
+    near, near_step, scratch.parts[spot, 0] = locate(model.grids[b, DISTANCE], far)
+    aside, aside_step, scratch.parts[spot, 1] = locate(model.grids[b, BEARING], math.atan2(x, z))
+    at = behaviours[b].table + offset * behaviours[b].cells + (cell + near + aside) * n
     near_step, aside_step = near_step * n, aside_step * n
     scratch.spots[spot, 0], scratch.spots[spot, 1], scratch.spots[spot, 2] = at, near_step, aside_step
     scratch.spots[spot, 3] *= n
@@ -247,10 +277,10 @@ def _look_ahead(model, b, slot, slots, scratch, count, pairs):
     for k in range(pairs):
         cells[k] = scratch.work[WORK_STATE, k]
     locate_ends(
-        model.grids, b, model.behaviours[b, CELLS], whole_lanes(pairs), cells, steps, scratch.work,
+        model.grids, b, model.behaviours[b].cells, whole_lanes(pairs), cells, steps, scratch.work,
         scratch.work[WORK_SHARES + 2 * slot], scratch.work[WORK_SHARES + 1 + 2 * slot],
     )  # fmt: skip
-    near = int(model.grids[b, 0, APART]) if model.grids[b, 0, POINTS] > 1.0 else 0
+    near = int(model.grids[b, DISTANCE].apart) if model.grids[b, DISTANCE].points > 1.0 else 0
     for d in range(count):
         if scratch.parts[d * slots + slot, 3] != 0.0:
             at = scratch.spots[d * slots + slot, 0]
@@ -265,11 +295,11 @@ def _add_row_values(model, b, options, spot, factor, scratch):
     """Add ``factor`` times what a table of actions holds of each action."""
     spots, parts, out = scratch.spots, scratch.parts, options.values
     for k in range(options.n):
-        out[k] += factor * model.behaviours[b, LOW]
+        out[k] += factor * model.behaviours[b].low
     cell = Cell(
         spots[spot, 0], spots[spot, 1], spots[spot, 2], spots[spot, 3], parts[spot, 0], parts[spot, 1], parts[spot, 2]
     )
-    add_rows(model.table, cell, factor * model.behaviours[b, STEP], options.n, out)
+    add_rows(model.table, cell, factor * model.behaviours[b].step, options.n, out)
 
 
 @kernel(inline=True)
@@ -280,10 +310,58 @@ def _add_end_values(model, b, slot, options, spot, begin, factor, scratch):
     near, at = scratch.nears[slot], scratch.spots[spot, 0]
     cells, steps = scratch.cells[2 * slot], scratch.cells[2 * slot + 1]
     parts, turns = scratch.work[WORK_SHARES + 2 * slot], scratch.work[WORK_SHARES + 1 + 2 * slot]
-    low, step, discounts = model.behaviours[b, LOW], model.behaviours[b, STEP], model.discounts[b, 0]
+    low, step, discounts = model.behaviours[b].low, model.behaviours[b].step, model.discounts[b, 0]
     for k in range(options.n):
         pair, action = np.uint64(begin + k), np.uint64(offset + k)
         cell = Cell(at + np.int64(cells[pair]), near, np.int64(steps[pair]), above, parts[pair], turns[pair], raised)
         value = interpolate(table, cell)
         value = (low + step * value) * discounts[np.uint64(model.actions[action, LENGTH])]
         out[np.uint64(k)] += factor * (value - model.moves[action, TRANSITION + slot])
+
+
+@kernel(inline=True)
+def _corner_of_layers(grids, b, target, corner):
+    """Return one of the cells around a target on the axes that are not over the ground, and its weight."""
+    cell, weight = 0, 1.0
+    for kind in range(HEIGHT, grids.shape[1]):
+        lower, step, share = locate(grids[b, kind], measure(kind, target))
+        if (corner >> (kind - HEIGHT)) & 1 == 1:
+            cell, weight = cell + lower + step, weight * share
+        else:
+            cell, weight = cell + lower, weight * (1.0 - share)
+    return cell, weight
+
+
+@kernel(allocates=False)
+def _add_row_values_of_layers(model, b, options, spot, target, factor, scratch):
+    """Do what ``_add_row_values`` does for a grid that turns with the avatar."""
+    spots, parts, behaviour, out = scratch.spots, scratch.parts, model.behaviours[b], options.values
+    for k in range(options.n):
+        out[k] += factor * behaviour.low
+    for corner in range(1 << (model.grids.shape[1] - HEIGHT)):
+        layer, weight = _corner_of_layers(model.grids, b, target, corner)
+        if weight > 0.0:
+            at = spots[spot, 0] + layer * options.n
+            cell = Cell(at, spots[spot, 1], spots[spot, 2], 0, parts[spot, 0], parts[spot, 1], 0.0)
+            add_rows(model.table, cell, factor * behaviour.step * weight, options.n, out)
+
+
+@kernel(allocates=False)
+def _add_end_values_of_layers(model, b, slot, options, spot, begin, target, factor, scratch):
+    """Do what ``_add_end_values`` does for a grid that turns with the avatar: each action turns it by itself."""
+    behaviour, moves, near, at = model.behaviours[b], model.moves, scratch.nears[slot], scratch.spots[spot, 0]
+    cells, steps = scratch.cells[2 * slot], scratch.cells[2 * slot + 1]
+    parts, turns = scratch.work[WORK_SHARES + 2 * slot], scratch.work[WORK_SHARES + 1 + 2 * slot]
+    for k in range(options.n):
+        pair, action = np.uint64(begin + k), np.uint64(options.offset + k)
+        heading = target.heading - math.atan2(moves[action, MOVE_SIN], moves[action, MOVE_COS])
+        seen = Target(target.x, target.y, target.z, target.vx, target.vz, target.lasts, heading)
+        value = 0.0
+        for corner in range(1 << (model.grids.shape[1] - HEIGHT)):
+            layer, weight = _corner_of_layers(model.grids, b, seen, corner)
+            if weight > 0.0:
+                start = at + layer + np.int64(cells[pair])
+                cell = Cell(start, near, np.int64(steps[pair]), 0, parts[pair], turns[pair], 0.0)
+                value += weight * interpolate(model.table, cell)
+        value = (behaviour.low + behaviour.step * value) * model.discounts[b, 0, model.actions[action, LENGTH]]
+        options.values[np.uint64(k)] += factor * (value - moves[action, TRANSITION + slot])

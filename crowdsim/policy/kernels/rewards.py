@@ -1,136 +1,90 @@
-"""Compiled rewards of single actions; ``rewards.py`` of the policy package defines them.
+"""Compiled rewards of single actions, in double precision: loops over the moments of an action.
 
-``actions`` is an ``Actions``, ``target`` a ``Target``, and ``terms`` are what ``rewards.pack_terms`` returns.
+``tables`` is a ``LookupTables`` and ``target`` a ``Target``.
 """
 
 import math
-from typing import NamedTuple
 
-from crowdsim.core.bodies import BodySizes, comes_through, lands_on_upright_body
+import numpy as np
+
 from crowdsim.jit import kernel
-
-# Columns of the terms; those behind the weight depend on the term.
-CODE, WEIGHT = range(2)
-STRIKE, PROXIMITY, TRANSITION = range(3)
-TOLERANCE, SPEED_WEIGHT, HEAD_RADIUS, TORSO_RADIUS, NECK_DROP, PELVIS_DROP = range(2, 8)
-EFFORT, WASTE, GREATEST_STRIKE, WASTED = range(9, 13)
-LEAST, SIGMA, GREATEST_PROXIMITY, FACING, MOST, ASIDE = range(2, 8)
-EACH = 2
+from crowdsim.policy.terms.registry import ONCE, STRIKE, for_frame_terms
+from crowdsim.policy.terms.strike import is_wasted, lands, read_surface
+from crowdsim.policy.terms.term import Seen
 
 # Columns of ``Actions.paths``.
 X, Z, HEADING = range(3)
 
 
-class Target(NamedTuple):
-    """A target in the avatar's ground frame.
-
-    Attributes:
-        x: Where its head is, to the left [m].
-        y: Upwards.
-        z: Ahead.
-        vx: How far it moves in a control frame, to the left [m].
-        vz: Ahead.
-    """
-
-    x: float
-    y: float
-    z: float
-    vx: float
-    vz: float
+@kernel(allocates=False)
+def find_landed(actions, strike, target, surface):
+    """Return whether a strike lands on a target, where the fist is then, and where the target's head is."""
+    t, fists, origins = actions.strike_times[strike], actions.strike_positions, actions.strike_origins
+    fist = fists[strike, 0], fists[strike, 1], fists[strike, 2]
+    head = target.x + t * target.vx, target.y, target.z + t * target.vz
+    return lands(fist, (origins[strike, 0], origins[strike, 1]), head, surface), fist, head
 
 
 @kernel(allocates=False)
-def strike_lands(fist, origin, head, terms, row):
-    """Return whether a strike lands on a target with its head at a point (``rewards.lands``).
-
-    ``origin`` is where a kick comes from over the ground; of a punch, the fist's own position.
-    """
-    if comes_through(fist[0], fist[2], origin[0], origin[1], head[0], head[2]):
-        return False
-    sizes = BodySizes(terms[row, HEAD_RADIUS], terms[row, TORSO_RADIUS], terms[row, NECK_DROP], terms[row, PELVIS_DROP])
-    return lands_on_upright_body(fist, head, sizes, terms[row, TOLERANCE])
-
-
-@kernel(allocates=False)
-def spent_on_strike(px, pz, x, z, terms, row):
-    """Return what a strike costs whose fist ends over (px, pz) when the target is over (x, z)."""
-    far = (px - x) ** 2 + (pz - z) ** 2 > terms[row, WASTED] * terms[row, WASTED]
-    return terms[row, EFFORT] + (terms[row, WASTE] if far else 0.0)
-
-
-@kernel(allocates=False)
-def strike_reward(actions, action, target, terms, row, log_discount):
-    """Return the strike term of one action."""
-    best, total, spent = 0.0, 0.0, 0.0
+def earned_by_strikes(actions, action, target, term, log_discount):
+    """Return what the strikes of an action earn that land, for the weight 1."""
+    best, total, surface = 0.0, 0.0, read_surface(term)
     for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
-        t = actions.strike_times[strike]
-        fists = actions.strike_positions
-        fist = fists[strike, 0], fists[strike, 1], fists[strike, 2]
-        origin = actions.strike_origins[strike, 0], actions.strike_origins[strike, 1]
-        x, z = target.x + t * target.vx, target.z + t * target.vz
-        faded = math.exp(t * log_discount)
-        spent += faded * spent_on_strike(fist[0], fist[2], x, z, terms, row)
-        if strike_lands(fist, origin, (x, target.y, z), terms, row):
-            earned = faded * actions.strike_speeds[strike] ** terms[row, SPEED_WEIGHT]
+        if find_landed(actions, strike, target, surface)[0]:
+            faded = math.exp(actions.strike_times[strike] * log_discount)
+            earned = faded * actions.strike_speeds[strike] ** term.speed_weight
             best = max(best, earned)
             total += earned
-    return terms[row, WEIGHT] * ((best if terms[row, GREATEST_STRIKE] != 0.0 else total) - spent)
+    return best if term.greatest != 0.0 else total
 
 
 @kernel(allocates=False)
-def proximity_reward(actions, action, target, terms, row, log_discount):
-    """Return the proximity term of one action."""
-    total = 0.0
-    best = 0.0
-    factor = 1.0
-    discount = math.exp(log_discount)
-    start = actions.path_offsets[action]
-    for t in range(1, actions.lengths[action] + 1):
-        factor *= discount
-        dx = target.x + t * target.vx - actions.paths[start + t - 1, X]
-        dz = target.z + t * target.vz - actions.paths[start + t - 1, Z]
-        aside = 0.0
-        if terms[row, FACING] != 0.0:
-            heading = actions.paths[start + t - 1, HEADING]
-            ahead = dx * math.sin(heading) + dz * math.cos(heading)
-            aside = max(abs(dx * math.cos(heading) - dz * math.sin(heading)) - terms[row, ASIDE], 0.0)
-        else:
-            ahead = math.sqrt(dx * dx + dz * dz)
-        ahead -= min(max(ahead, terms[row, LEAST]), terms[row, MOST])
-        gap = math.sqrt(ahead * ahead + aside * aside)
-        value = factor * math.exp(-gap / terms[row, SIGMA])
-        total += value
-        best = max(best, value)
-    return terms[row, WEIGHT] * (best if terms[row, GREATEST_PROXIMITY] != 0.0 else total)
+def _spent_on_strikes(actions, action, target, term, log_discount):
+    """Return what the strikes of an action cost, for the weight 1."""
+    spent, surface = 0.0, read_surface(term)
+    for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
+        _, fist, head = find_landed(actions, strike, target, surface)
+        faded = math.exp(actions.strike_times[strike] * log_discount)
+        spent += faded * (term.effort + (term.waste if is_wasted(fist, head, term) else 0.0))
+    return spent
+
+
+def _build_frames(name, read, gap):
+    """Return a kernel that evaluates a term of one kind along the path of an action."""
+
+    def worth(actions, action, target, term, log_discount):
+        wanted = read(term, np.float64)
+        total, best, factor, discount = 0.0, 0.0, 1.0, math.exp(log_discount)
+        facing_sin, facing_cos = math.sin(target.heading), math.cos(target.heading)
+        start = actions.path_offsets[action]
+        for t in range(1, actions.lengths[action] + 1):
+            factor *= discount
+            row = start + t - 1
+            dx = target.x + t * target.vx - actions.paths[row, X]
+            dz = target.z + t * target.vz - actions.paths[row, Z]
+            heading = np.float64(actions.paths[row, HEADING])
+            seen = Seen(dx, dz, math.sin(heading), math.cos(heading), facing_sin, facing_cos)
+            value = factor * math.exp(-gap(seen, wanted))
+            total += value
+            best = max(best, value)
+        return best if term.greatest != 0.0 else total
+
+    return kernel(worth, allocates=False, name=f"worth_of_{name}")
+
+
+_worth_along_path = for_frame_terms(_build_frames)
 
 
 @kernel(allocates=False)
-def transition_price(cost, terms, row):
-    """Return what a transition of a cost above 0 costs by a transition term."""
-    return terms[row, WEIGHT] * cost + terms[row, EACH]
-
-
-@kernel(allocates=False)
-def term_reward(actions, action, target, terms, row, log_discount):
-    """Return the value of one term for an action; NaN for a term without a branch here.
-
-    ``rewards.COMPILED`` lists the terms that have one.
-    """
-    code = int(terms[row, CODE])
-    if code == STRIKE:
-        return strike_reward(actions, action, target, terms, row, log_discount)
-    if code == PROXIMITY:
-        return proximity_reward(actions, action, target, terms, row, log_discount)
-    if code == TRANSITION:
-        cost = actions.costs[action]
-        return -(terms[row, WEIGHT] * cost + (terms[row, EACH] if cost > 0.0 else 0.0))
-    return math.nan
-
-
-@kernel(allocates=False)
-def action_reward(actions, action, target, terms, first, end, log_discount):
-    """Return r(e, a): the sum of the terms ``first`` to ``end``."""
-    total = 0.0
-    for row in range(first, end):
-        total += term_reward(actions, action, target, terms, row, log_discount)
+def action_reward(tables, behaviour, action, target):
+    """Return r(e, a): the sum of the terms of a behaviour."""
+    actions, row = tables.actions, tables.behaviours[behaviour]
+    total, log_discount = tables.once[behaviour, action], math.log(row.discount)
+    for index in range(row.first_term, row.end_term):
+        term = tables.terms[index]
+        if term.kind == STRIKE:
+            earned = earned_by_strikes(actions, action, target, term, log_discount)
+            total += term.weight * (earned - _spent_on_strikes(actions, action, target, term, log_discount))
+        elif term.kind != ONCE:
+            total += term.weight * _worth_along_path(term.kind, actions, action, target, term, log_discount)
     return total

@@ -1,4 +1,4 @@
-"""Compiled values of actions (``policy.action_values``).
+"""Compiled values of actions.
 
 ``tables`` is a ``LookupTables``, ``target`` a ``Target``, and ``corners`` are ``Corners``.
 """
@@ -7,39 +7,47 @@ import math
 
 from crowdsim.core.tables import interpolate
 from crowdsim.jit import kernel
+from crowdsim.policy.axes.axis import Target
 from crowdsim.policy.kernels.axes import fade_on_axes, find_corners
-from crowdsim.policy.kernels.rewards import CODE, HEADING, TRANSITION, X, Z, action_reward, transition_price
+from crowdsim.policy.kernels.rewards import HEADING, X, Z, action_reward
 
-# Columns of ``LookupTables.behaviours``.
-FIRST_AXIS, END_AXIS, FIRST_TERM, END_TERM, LOOKS_AHEAD, CELLS, TABLE, SCALE, DISCOUNT, LOW, STEP = range(11)
 # Entries of ``LookupTables.leads``.
 LEAD_NOW, LEAD_LATER = range(2)
 
 
 @kernel(allocates=False)
-def after_action(actions, action, x, z):
-    """Return where a target at (x, z) is seen once the action has been done."""
-    last = actions.path_offsets[action + 1] - 1
-    heading = actions.paths[last, HEADING]
-    cos, sin = math.cos(heading), math.sin(heading)
-    dx, dz = x - actions.paths[last, X], z - actions.paths[last, Z]
-    return dx * cos - dz * sin, dx * sin + dz * cos
+def moved(target, frames):
+    """Return a target some control frames later."""
+    return Target(
+        target.x + frames * target.vx, target.y, target.z + frames * target.vz, target.vx, target.vz, target.heading
+    )
 
 
 @kernel(allocates=False)
-def state_value(tables, behaviour, state, x, y, z, corners):
+def after_action(actions, action, target):
+    """Return how a target at rest is seen once an action has been done, from where the avatar is then."""
+    last = actions.path_offsets[action + 1] - 1
+    heading = actions.paths[last, HEADING]
+    cos, sin = math.cos(heading), math.sin(heading)
+    dx, dz = target.x - actions.paths[last, X], target.z - actions.paths[last, Z]
+    vx, vz = target.vx * cos - target.vz * sin, target.vx * sin + target.vz * cos
+    return Target(dx * cos - dz * sin, target.y, dx * sin + dz * cos, vx, vz, target.heading - heading)
+
+
+@kernel(allocates=False)
+def state_value(tables, behaviour, state, target, corners):
     """Return V(s, e) by a behaviour's table of the look-up v."""
     row = tables.behaviours[behaviour]
-    count = find_corners(tables.axes, int(row[FIRST_AXIS]), int(row[END_AXIS]), x, y, z, corners)
-    entry = int(row[TABLE]) + state * int(row[CELLS])
-    return row[LOW] + row[STEP] * interpolate(tables.table, entry, corners.cells, corners.weights, count)
+    count = find_corners(tables.axes, row.first_axis, row.end_axis, target, corners)
+    entry = row.table + state * row.cells
+    return row.low + row.step * interpolate(tables.table, entry, corners.cells, corners.weights, count)
 
 
 @kernel(allocates=False)
 def fade_of(tables, behaviour, target):
     """Return how much a behaviour counts for a target."""
-    first, end = int(tables.behaviours[behaviour, FIRST_AXIS]), int(tables.behaviours[behaviour, END_AXIS])
-    return fade_on_axes(tables.axes, first, end, target.x, target.y, target.z)
+    row = tables.behaviours[behaviour]
+    return fade_on_axes(tables.axes, row.first_axis, row.end_axis, target)
 
 
 @kernel(allocates=False)
@@ -48,15 +56,15 @@ def add_stored_values(tables, behaviour, state, target, factor, corners, out):
     row = tables.behaviours[behaviour]
     first = tables.actions.offsets[state]
     n = tables.actions.offsets[state + 1] - first
-    x, z = target.x + tables.leads[LEAD_NOW] * target.vx, target.z + tables.leads[LEAD_NOW] * target.vz
-    count = find_corners(tables.axes, int(row[FIRST_AXIS]), int(row[END_AXIS]), x, target.y, z, corners)
-    base = int(row[TABLE]) + first * int(row[CELLS])
+    soon = moved(target, tables.leads[LEAD_NOW])
+    count = find_corners(tables.axes, row.first_axis, row.end_axis, soon, corners)
+    base = row.table + first * row.cells
     for k in range(n):
-        out[k] += factor * row[LOW]
+        out[k] += factor * row.low
     for corner in range(count):
         if corners.weights[corner] != 0.0:
             entry = base + corners.cells[corner] * n
-            share = corners.weights[corner] * factor * row[STEP]
+            share = corners.weights[corner] * factor * row.step
             for k in range(n):
                 out[k] += share * tables.table[entry + k]
 
@@ -65,16 +73,13 @@ def add_stored_values(tables, behaviour, state, target, factor, corners, out):
 def add_values_ahead(tables, behaviour, state, target, factor, corners, out):
     """Add ``factor`` times Q(e, a) by a behaviour of the look-up v to ``out`` for every action of the state."""
     actions = tables.actions
-    row = tables.behaviours[behaviour]
-    first = actions.offsets[state]
-    log_discount = math.log(row[DISCOUNT])
+    first, log_discount = actions.offsets[state], math.log(tables.behaviours[behaviour].discount)
     for k in range(actions.offsets[state + 1] - first):
         a = first + k
-        earned = action_reward(actions, a, target, tables.terms, int(row[FIRST_TERM]), int(row[END_TERM]), log_discount)
-        t = actions.lengths[a] + tables.leads[LEAD_LATER]
-        x, z = after_action(actions, a, target.x + t * target.vx, target.z + t * target.vz)
-        later = state_value(tables, behaviour, actions.next[a], x, target.y, z, corners)
-        out[k] += factor * (earned + math.exp(log_discount * actions.lengths[a]) * later)
+        earned = action_reward(tables, behaviour, a, target)
+        later = after_action(actions, a, moved(target, actions.lengths[a] + tables.leads[LEAD_LATER]))
+        value = state_value(tables, behaviour, actions.next[a], later, corners)
+        out[k] += factor * (earned + math.exp(log_discount * actions.lengths[a]) * value)
 
 
 @kernel(allocates=False)
@@ -88,13 +93,10 @@ def count_price_once(tables, behaviour_weights, state, target, out):
         total, most = 0.0, 0.0
         for behaviour in range(len(behaviour_weights)):
             row = tables.behaviours[behaviour]
-            if behaviour_weights[behaviour] == 0.0 or row[SCALE] == 0.0:
+            if behaviour_weights[behaviour] == 0.0 or row.scale == 0.0:
                 continue
-            price = 0.0
-            for term in range(int(row[FIRST_TERM]), int(row[END_TERM])):
-                if tables.terms[term, CODE] == TRANSITION:
-                    price += transition_price(cost, tables.terms, term)
-            price *= behaviour_weights[behaviour] * fade_of(tables, behaviour, target) / row[SCALE]
+            price = row.price * cost + row.each
+            price *= behaviour_weights[behaviour] * fade_of(tables, behaviour, target) / row.scale
             total += price
             most = max(most, price)
         out[k] += total - most
@@ -102,7 +104,7 @@ def count_price_once(tables, behaviour_weights, state, target, out):
 
 @kernel(allocates=False)
 def evaluate_actions(tables, behaviour_weights, state, target, corners, out):
-    """Write the values of the actions of a state (``policy.action_values``); return how many there are.
+    """Write the values of the actions of a state ; return how many there are.
 
     Args:
         tables: ``LookupTables``.
@@ -119,10 +121,10 @@ def evaluate_actions(tables, behaviour_weights, state, target, corners, out):
     for behaviour in range(len(behaviour_weights)):
         if behaviour_weights[behaviour] != 0.0:
             fade = fade_of(tables, behaviour, target)
-            scale = tables.behaviours[behaviour, SCALE]
+            scale = tables.behaviours[behaviour].scale
             factor = behaviour_weights[behaviour] * fade / scale if scale > 0.0 else 0.0
             if factor != 0.0:
-                if tables.behaviours[behaviour, LOOKS_AHEAD] == 0.0:
+                if not tables.behaviours[behaviour].looks_ahead:
                     add_stored_values(tables, behaviour, state, target, factor, corners, out)
                 else:
                     add_values_ahead(tables, behaviour, state, target, factor, corners, out)

@@ -3,20 +3,29 @@
 import numpy as np
 
 from crowdsim.jit import kernel
-from crowdsim.training.kernels.successors import DISTANCE, STRIDE, corners_of, find_successors, weights_of
+from crowdsim.training.kernels.successors import DISTANCE, corners_of, find_successors, see_layers, weights_of
 
 
 @kernel(allocates=False)
-def back_up_action(model, layers, values, action, found, row):
-    """Write Q(action, .) for all cells to ``row``, by interpolated V; ``found`` is scratch space (``Successors``)."""
+def back_up_action(model, layers, values, action, found, turned, row):
+    """Write Q(action, .) for all cells to ``row``, by interpolated V.
+
+    ``found`` (``Successors``) and ``turned`` (C,) are scratch space.
+    """
     for c in range(len(row)):
         row[c] = np.float32(0.0)
     later = values[np.int64(model.next[action]) * len(row) : (np.int64(model.next[action]) + 1) * len(row)]
+    if len(model.turning.axes) > 0:
+        see_layers(model.turning, model.ends[0, action], layers, later, found.corners, turned)
+        later = turned
     for outcome in range(len(model.probabilities)):
         find_successors(model.axes, model.ends[outcome, action], model.xs, model.zs, found)
         probability = model.probabilities[outcome]
-        across, factor = np.int64(model.axes[DISTANCE, STRIDE]), model.discounts[action] * probability
+        across, factor = np.int64(model.axes[DISTANCE].stride), model.discounts[action] * probability
         _add_values(found, across, layers, later, factor, probability, model.near[outcome, action], row)
+        if model.near.shape[2] > len(model.xs):
+            for c in range(len(row)):
+                row[c] += probability * model.near[outcome, action, c]
         at = outcome * len(model.next) + action
         for entry in range(model.landed[at], model.landed[at + 1]):
             row[model.landed_cells[entry]] += probability * model.landed_rewards[entry]
@@ -28,12 +37,12 @@ def _add_values(found, across, layers, later, factor, probability, near, row):
 
     Indices are unsigned, because compiled code would check whether signed ones count from the end.
     """
-    wide = len(near) > 1
+    wide, once = len(near) == len(found.lowers), near[0] if len(near) == 1 else np.float32(0.0)
     for i in range(len(found.lowers)):
         m = np.uint64(i)
         e0, e1, e2, e3 = corners_of(found, m, across)
         w0, w1, w2, w3 = weights_of(found, m, factor)
-        earned = probability * (near[m] if wide else near[0])
+        earned = probability * (near[m] if wide else once)
         at = m * np.uint64(layers)
         for lane in range(layers):
             h = np.uint64(lane)

@@ -6,28 +6,27 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowdsim.jit import kernel
+from crowdsim.policy.axes.axis import Target
 from crowdsim.policy.kernels.axes import Corners
-from crowdsim.policy.kernels.rewards import (
-    CODE,
-    STRIKE,
-    TRANSITION,
-    Target,
-    X,
-    Z,
-    action_reward,
-    strike_lands,
-    transition_price,
-)
-from crowdsim.policy.kernels.values import DISCOUNT, END_TERM, FIRST_TERM, after_action, evaluate_actions
+from crowdsim.policy.kernels.rewards import X, Z, action_reward, find_landed
+from crowdsim.policy.kernels.values import after_action, evaluate_actions, moved
+from crowdsim.policy.terms.registry import STRIKE
+from crowdsim.policy.terms.strike import read_surface
 from crowdsim.training.kernels.draws import draw_number
-from crowdsim.training.kernels.search import NODE_WIDTH, best_by_search
+from crowdsim.training.kernels.search import NODE, best_by_search
 
 # How actions are chosen.
 BY_TABLE, AT_RANDOM, BY_SEARCH = range(3)
 
-# Columns of what came of episodes.
-RETURN, NEAREST, FIRST_LANDED, LANDED, TRANSITIONS, FRAMES, DECISIONS, ARRIVED, EARNED = range(9)
-COLUMNS = 9
+EPISODE = np.dtype(
+    [
+        *((name, np.float64) for name in ("gained", "earned", "nearest", "arrived", "first_landed")),
+        *((name, np.int64) for name in ("landed", "transitions", "frames", "decisions")),
+    ]
+)
+"""What came of an episode: discounted return, and without the price of transitions; least distance over the ground
+within the horizon [m]; frames in which the target was first ``within``, and in which a strike first landed, or -1;
+strikes landed, transitions, frames and decisions."""
 
 DRAWS = 100003  # more than twice the decisions of an episode
 
@@ -84,16 +83,14 @@ def run_episodes(rules, states, targets, numbers, out, used):
         states: State in which each starts. Shape (N,).
         targets: Target in the avatar's ground frame at the start [m]. Shape (N, 3).
         numbers: Number of each episode, on which its draws depend. Shape (N,).
-        out: Written: discounted return; least distance over the ground within the horizon [m]; frame of the first
-            strike that lands, or -1; strikes landed; transitions; frames; decisions; frame of first being ``within``,
-            or -1; return without the price of transitions. Shape (N, 9).
+        out: Written: what came of each, zeros before. Shape (N,), ``EPISODE``.
         used: Written: 1 for every action that was done. Shape (A,).
     """
     offsets = rules.judge.actions.offsets
     most = 0
     for s in range(len(offsets) - 1):
         most = max(most, offsets[s + 1] - offsets[s])
-    nodes = np.empty((2, max(1, rules.width) * most if rules.choice == BY_SEARCH else 1, NODE_WIDTH))
+    nodes = np.empty((2, max(1, rules.width) * most if rules.choice == BY_SEARCH else 1), NODE)
     room = Room(Corners(np.empty(64, np.int64), np.empty(64)), np.empty(most), nodes)
     for i in range(len(states)):
         _run_episode(rules, np.int64(states[i]), targets[i], numbers[i], room, out[i], used)
@@ -103,28 +100,27 @@ def run_episodes(rules, states, targets, numbers, out, used):
 def _run_episode(rules, state, start, number, room, out, used):
     """Play one episode."""
     actions = rules.judge.actions
-    x, y, z = start[0], start[1], start[2]
-    for column in range(COLUMNS):
-        out[column] = 0.0
-    out[NEAREST], out[FIRST_LANDED], out[ARRIVED] = math.sqrt(x * x + z * z), -1.0, -1.0
+    x, y, z, heading = start[0], start[1], start[2], 0.0
+    out.nearest, out.first_landed, out.arrived = math.sqrt(x * x + z * z), -1.0, -1.0
     frame = 0
     while frame < rules.horizon:
-        decision = DRAWS * number + 2 * int(out[DECISIONS])
-        a = _choose(rules, state, Target(x, y, z, 0.0, 0.0), decision, room)
+        decision = DRAWS * number + 2 * out.decisions
+        a = _choose(rules, state, Target(x, y, z, 0.0, 0.0, heading), decision, room)
         used[a] = 1
         angle = 2.0 * math.pi * draw_number(rules.seed, decision + 1, 0)
         vx, vz = rules.velocity * math.sin(angle), rules.velocity * math.cos(angle)
-        target = Target(x, y, z, vx, vz)
+        target = Target(x, y, z, vx, vz, heading)
         _note_rewards(rules, a, target, frame, out)
         _note_distances(rules, a, target, frame, out)
         _note_strikes(rules, a, target, frame, out)
         length = actions.lengths[a]
-        x, z = after_action(actions, a, x + length * vx, z + length * vz)
+        seen = after_action(actions, a, moved(target, length))
+        x, z, heading = seen.x, seen.z, seen.heading
         state = np.int64(actions.next[a])
         frame += length
-        out[TRANSITIONS] += 1.0 if rules.tables.actions.costs[a] > 0.0 else 0.0
-        out[DECISIONS] += 1.0
-    out[FRAMES] = frame
+        out.transitions += 1 if rules.tables.actions.costs[a] > 0.0 else 0
+        out.decisions += 1
+    out.frames = frame
 
 
 @kernel
@@ -147,17 +143,12 @@ def _choose(rules, state, target, decision, room):
 @kernel(allocates=False)
 def _note_rewards(rules, action, target, frame, out):
     """Add the discounted reward of an action, with the price of transitions and without it."""
-    actions, terms, behaviour = rules.judge.actions, rules.judge.terms, rules.judge.behaviours[0]
-    first, end = int(behaviour[FIRST_TERM]), int(behaviour[END_TERM])
-    log_discount = math.log(behaviour[DISCOUNT])
-    earned = action_reward(actions, action, target, terms, first, end, log_discount)
-    price = 0.0
-    for row in range(first, end):
-        if terms[row, CODE] == TRANSITION and actions.costs[action] > 0.0:
-            price += transition_price(actions.costs[action], terms, row)
-    faded = math.exp(frame * log_discount)
-    out[RETURN] += faded * earned
-    out[EARNED] += faded * (earned + price)
+    behaviour, cost = rules.judge.behaviours[0], rules.judge.actions.costs[action]
+    earned = action_reward(rules.judge, 0, action, target)
+    price = behaviour.price * cost + behaviour.each if cost > 0.0 else 0.0
+    faded = math.exp(frame * math.log(behaviour.discount))
+    out.gained += faded * earned
+    out.earned += faded * (earned + price)
 
 
 @kernel(allocates=False)
@@ -170,9 +161,9 @@ def _note_distances(rules, action, target, frame, out):
             dx = target.x + t * target.vx - actions.paths[row, X]
             dz = target.z + t * target.vz - actions.paths[row, Z]
             distance = math.sqrt(dx * dx + dz * dz)
-            out[NEAREST] = min(out[NEAREST], distance)
-            if distance <= rules.within and out[ARRIVED] < 0.0:
-                out[ARRIVED] = frame + t
+            out.nearest = min(out.nearest, distance)
+            if distance <= rules.within and out.arrived < 0.0:
+                out.arrived = frame + t
 
 
 @kernel(allocates=False)
@@ -181,15 +172,11 @@ def _note_strikes(rules, action, target, frame, out):
     actions, terms, behaviour = rules.judge.actions, rules.judge.terms, rules.judge.behaviours[0]
     for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
         t = actions.strike_times[strike]
-        fists = actions.strike_positions
-        fist = fists[strike, 0], fists[strike, 1], fists[strike, 2]
-        origin = actions.strike_origins[strike, 0], actions.strike_origins[strike, 1]
-        head = target.x + t * target.vx, target.y, target.z + t * target.vz
-        for row in range(int(behaviour[FIRST_TERM]), int(behaviour[END_TERM])):
-            if terms[row, CODE] != STRIKE or frame + t > rules.horizon:
+        for row in range(behaviour.first_term, behaviour.end_term):
+            if terms[row].kind != STRIKE or frame + t > rules.horizon:
                 continue
-            if strike_lands(fist, origin, head, terms, row):
-                out[LANDED] += 1.0
-                if out[FIRST_LANDED] < 0.0:
-                    out[FIRST_LANDED] = frame + t
+            if find_landed(actions, strike, target, read_surface(terms[row]))[0]:
+                out.landed += 1
+                if out.first_landed < 0.0:
+                    out.first_landed = frame + t
                 break

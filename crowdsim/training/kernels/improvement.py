@@ -6,10 +6,10 @@ from crowdsim.jit import kernel
 from crowdsim.training.kernels.backup import back_up_action
 from crowdsim.training.kernels.successors import (
     DISTANCE,
-    STRIDE,
     corners_of,
     empty_successors,
     find_successors,
+    see_layers,
     weights_of,
 )
 
@@ -32,17 +32,18 @@ def improve(low, high, model, layers, values, first, every, out, changes):
         changes: Written: by how much the values of each of these states change at most. Shape (S,).
     """
     cells = len(model.xs) * layers
-    row, found = np.empty(cells, np.float32), empty_successors(len(model.xs))
+    row, later, found = np.empty(cells, np.float32), np.empty(cells, np.float32), empty_successors(len(model.xs))
+    over_ground = model.near.shape[2] <= len(model.xs)
     for i in range(low, high):
         s = first + i * every
         best = out[i]
         for c in range(cells):
             best[c] = -np.inf
         for action in range(model.offsets[s], model.offsets[s + 1]):
-            if len(model.probabilities) == 1:
-                _raise_to_action(model, layers, values, np.int64(action), found, row, best)
+            if len(model.probabilities) == 1 and over_ground:
+                _raise_to_action(model, layers, values, np.int64(action), found, later, best)
             else:
-                back_up_action(model, layers, values, np.int64(action), found, row)
+                back_up_action(model, layers, values, np.int64(action), found, later, row)
                 _raise(best, row)
         changes[s] = _greatest_change(values[s * cells : (s + 1) * cells], best)
 
@@ -56,11 +57,15 @@ def _raise_to_action(model, layers, values, action, found, later, best):
     """
     find_successors(model.axes, model.ends[0, action], model.xs, model.zs, found)
     start = np.int64(model.next[action]) * len(best)
-    for i in range(len(best)):
-        c = np.uint64(i)
-        later[c] = values[np.uint64(start) + c]
+    if len(model.turning.axes) > 0:
+        row = values[start : start + len(best)]
+        see_layers(model.turning, model.ends[0, action], layers, row, found.corners, later)
+    else:
+        for i in range(len(best)):
+            c = np.uint64(i)
+            later[c] = values[np.uint64(start) + c]
     near = model.near[0, action]
-    across, discount = np.int64(model.axes[DISTANCE, STRIDE]), model.discounts[action]
+    across, discount = np.int64(model.axes[DISTANCE].stride), model.discounts[action]
     if layers < 4:
         _raise_layers(found, across, layers, later, discount, near, best)
     else:

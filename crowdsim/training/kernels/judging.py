@@ -6,13 +6,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowdsim.jit import kernel
+from crowdsim.policy.axes.axis import Target
 from crowdsim.training.kernels.rewards import earned_where, write_near
 from crowdsim.training.kernels.successors import (
     DISTANCE,
-    STRIDE,
     corners_of,
     empty_successors,
     find_successors,
+    layers_around,
     weights_of,
 )
 
@@ -23,25 +24,31 @@ class Learned(NamedTuple):
     """What a behaviour has learned, and N targets by which its decisions are judged.
 
     Attributes:
-        axes: The moving axes of its grid (``Model.axes``).
-        ends: Where each action ends (``Model.ends``), for a target at rest. Shape (A, 5), float32.
+        axes: The axes over the ground of its grid (``Model.axes``).
+        ends: Where each action ends (``Model.ends``), for a target at rest. Shape (A,).
+        turning: What its layers see, where that turns (``Model.turning``).
         discounts: gamma^T of each action. Shape (A,), float32.
         values: V. Shape (S, C), float32.
         terms: The terms of its reward (``rewards.pack_terms``).
+        once: What each action earns wherever the target is. Shape (A,).
         log_discount: log gamma.
         heights: How high their heads are [m]. Shape (N,).
-        layers: Layers of the grid below and above each head. Shape (2, N), int64.
-        shares: Share of the layer above. Shape (N,), float32.
+        headings: Which way they face [rad]. Shape (N,).
+        layers: Layers of the grid around each target. Shape (E, N), int64.
+        shares: Their shares. Shape (E, N), float32.
         lead: How many frames after the end of an action its V is read for where a target will be.
     """
 
     axes: Any
     ends: Any
+    turning: Any
     discounts: Any
     values: Any
     terms: Any
+    once: Any
     log_discount: float
     heights: Any
+    headings: Any
     layers: Any
     shares: Any
     lead: float
@@ -76,16 +83,20 @@ def fill_action_values(low, high, actions, learned, places, out):
     count = out.shape[1]
     best, found = np.empty(count, np.float32), empty_successors(count)
     xs, zs = np.empty(count, np.float32), np.empty(count, np.float32)
+    layers, shares = learned.layers.copy(), learned.shares.copy()
     for action in range(low, high):
         total = out[action]
-        write_near(actions, action, places, learned.terms, learned.log_discount, best, total)
+        once = learned.once[action]
+        write_near(actions, action, places, learned.terms, once, learned.log_discount, best, total)
         _add_landed(actions, action, learned, places, total)
         time = np.float32(actions.lengths[action] + learned.lead)
         for m in range(count):
             xs[m] = places.xs[m] + time * places.vxs[m]
             zs[m] = places.zs[m] + time * places.vzs[m]
         find_successors(learned.axes, learned.ends[action], xs, zs, found)
-        _add_values_behind(learned, action, actions.next[action], found, total)
+        if len(learned.turning.axes) > 0:
+            _turn_layers(learned, action, found.corners, layers, shares)
+        _add_values_behind(learned, action, actions.next[action], found, layers, shares, total)
 
 
 @kernel(allocates=False)
@@ -93,22 +104,30 @@ def _add_landed(actions, action, learned, places, total):
     """Add what the strikes of an action earn that land on the targets."""
     if actions.strike_offsets[action] < actions.strike_offsets[action + 1]:
         for m in range(len(total)):
-            head, velocity = (places.xs[m], learned.heights[m], places.zs[m]), (places.vxs[m], places.vzs[m])
-            total[m] += earned_where(actions, action, head, velocity, learned.terms, learned.log_discount)
+            target = Target(places.xs[m], learned.heights[m], places.zs[m], places.vxs[m], places.vzs[m], 0.0)
+            total[m] += earned_where(actions, action, target, learned.terms, learned.log_discount)
 
 
 @kernel(allocates=False)
-def _add_values_behind(learned, action, state, found, total):
+def _turn_layers(learned, action, corners, layers, shares):
+    """Write the layers around each target as it is seen after an action, and their shares."""
+    for m in range(layers.shape[1]):
+        layers_around(learned.turning, learned.ends[action], learned.heights[m], learned.headings[m], corners)
+        for corner in range(len(layers)):
+            layers[corner, m], shares[corner, m] = corners.cells[corner], corners.weights[corner]
+
+
+@kernel(allocates=False)
+def _add_values_behind(learned, action, state, found, layers, shares, total):
     """Add the discounted V of the state behind an action, where ``found`` says that targets are seen."""
-    values, across = learned.values[state], np.int64(learned.axes[DISTANCE, STRIDE])
+    values, across = learned.values[state], np.int64(learned.axes[DISTANCE].stride)
     for m in range(len(total)):
         e0, e1, e2, e3 = corners_of(found, m, across)
         w0, w1, w2, w3 = weights_of(found, m, learned.discounts[action])
-        for side in range(2):
-            h = np.uint64(learned.layers[side, m])
-            share = learned.shares[m] if side == 1 else np.float32(1.0) - learned.shares[m]
+        for side in range(len(layers)):
+            h = np.uint64(layers[side, m])
             value = w0 * values[e0 + h] + w1 * values[e1 + h] + w2 * values[e2 + h] + w3 * values[e3 + h]
-            total[m] += share * value
+            total[m] += shares[side, m] * value
 
 
 @kernel

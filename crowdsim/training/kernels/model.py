@@ -12,7 +12,8 @@ def earned_in(model, outcome, action, m, cell):
     """Return r(a, c, o) of one cell, which is in the moving cell ``m``."""
     row = outcome * len(model.next) + action
     low, end = model.landed[row], model.landed[row + 1]
-    earned = model.near[outcome, action, m if model.near.shape[2] > 1 else 0]
+    near = model.near[outcome, action]
+    earned = near[0] if len(near) == 1 else (near[m] if len(near) == len(model.xs) else near[cell])
     if low == end:
         return earned
     high = end

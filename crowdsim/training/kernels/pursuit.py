@@ -7,9 +7,10 @@ import numpy as np
 
 from crowdsim.core.candidates import draw_candidate
 from crowdsim.jit import kernel
+from crowdsim.policy.axes.axis import Target
 from crowdsim.policy.kernels.axes import Corners
-from crowdsim.policy.kernels.rewards import HEADING, Target, X, Z
-from crowdsim.policy.kernels.values import after_action, evaluate_actions
+from crowdsim.policy.kernels.rewards import X, Z
+from crowdsim.policy.kernels.values import after_action, evaluate_actions, moved
 from crowdsim.training.kernels.draws import draw_number
 
 
@@ -54,14 +55,16 @@ def pursue(tables, weights, chase, states, bearings, out):
     for i in range(len(states)):
         state, frame, decision = np.int64(states[i]), 0, 0
         sin, cos = math.sin(bearings[i]), math.cos(bearings[i])
-        seen = Target(chase.lead * sin, chase.height, chase.lead * cos, chase.velocity * sin, chase.velocity * cos)
+        seen = Target(
+            chase.lead * sin, chase.height, chase.lead * cos, chase.velocity * sin, chase.velocity * cos, bearings[i]
+        )
         out[i] = 0.0
         while frame < chase.done:
             n = evaluate_actions(tables, weights, state, seen, corners, values)
             k = draw_candidate(values, n, chase.candidates, draw_number(i, decision, 0), chances)
             a = np.int64(actions.offsets[state] + k)
             out[i] = _add_distances(actions, a, seen, frame, chase, out[i])
-            seen = _seen_after(actions, a, seen)
+            seen = after_action(actions, a, moved(seen, actions.lengths[a]))
             state, frame, decision = np.int64(actions.next[a]), frame + actions.lengths[a], decision + 1
 
 
@@ -74,12 +77,3 @@ def _add_distances(actions, action, seen, frame, chase, total):
             dx, dz = seen.x + t * seen.vx - actions.paths[row, X], seen.z + t * seen.vz - actions.paths[row, Z]
             total += math.sqrt(dx * dx + dz * dz) / (chase.done - chase.begun)
     return total
-
-
-@kernel(allocates=False)
-def _seen_after(actions, action, seen):
-    """Return the target as it is seen after an action."""
-    length, heading = actions.lengths[action], actions.paths[actions.path_offsets[action + 1] - 1, HEADING]
-    x, z = after_action(actions, action, seen.x + length * seen.vx, seen.z + length * seen.vz)
-    cos, sin = math.cos(heading), math.sin(heading)
-    return Target(x, seen.y, z, seen.vx * cos - seen.vz * sin, seen.vx * sin + seen.vz * cos)

@@ -6,7 +6,6 @@ from crowdsim.jit import kernel
 from crowdsim.training.kernels.model import expected_reward
 from crowdsim.training.kernels.successors import (
     DISTANCE,
-    STRIDE,
     corners_of,
     empty_successors,
     find_successor,
@@ -36,7 +35,7 @@ def best_after(model, layers, q, outcome, action, m, h, found):
     after = model.next[action]
     n = np.int64(model.offsets[after + 1] - model.offsets[after])
     start = np.int64(model.offsets[after]) * len(model.xs) * layers + h * n
-    e0, e1, e2, e3 = corners_of(found, 0, np.int64(model.axes[DISTANCE, STRIDE]))
+    e0, e1, e2, e3 = corners_of(found, 0, np.int64(model.axes[DISTANCE].stride))
     corners = start + np.int64(e0) * n, start + np.int64(e1) * n, start + np.int64(e2) * n, start + np.int64(e3) * n
     return _greatest_between(q, n, corners, weights_of(found, 0, np.float32(1.0)))
 

@@ -1,4 +1,4 @@
-"""What each action earns in each cell of a grid (``model.Model``)."""
+"""What each action earns in each cell of a grid (``model.Model``): loops in single precision over many targets."""
 
 import math
 from typing import Any, NamedTuple
@@ -6,30 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowdsim.jit import kernel
-from crowdsim.policy.kernels.rewards import (
-    ASIDE,
-    CODE,
-    FACING,
-    GREATEST_PROXIMITY,
-    GREATEST_STRIKE,
-    HEAD_RADIUS,
-    HEADING,
-    LEAST,
-    MOST,
-    PROXIMITY,
-    SIGMA,
-    SPEED_WEIGHT,
-    STRIKE,
-    TOLERANCE,
-    TORSO_RADIUS,
-    WEIGHT,
-    Target,
-    X,
-    Z,
-    spent_on_strike,
-    strike_lands,
-    term_reward,
-)
+from crowdsim.policy.axes.axis import Target
+from crowdsim.policy.kernels.rewards import HEADING, X, Z, earned_by_strikes
+from crowdsim.policy.terms.registry import ONCE, STRIKE, for_frame_terms
+from crowdsim.policy.terms.strike import is_wasted
+from crowdsim.policy.terms.term import Seen
 
 
 class Landed(NamedTuple):
@@ -48,19 +29,23 @@ class Landed(NamedTuple):
 
 
 class Places(NamedTuple):
-    """Where M targets are over the ground, and how they move.
+    """Where M targets are over the ground, how they move, and which way they face.
 
     Attributes:
         xs: To the left [m]. Shape (M,), float32.
         zs: Ahead.
         vxs: How far each moves in a control frame, to the left [m]. Shape (M,), float32.
         vzs: Ahead.
+        facing_sins: Sine of the heading of each. Shape (M,), float32.
+        facing_coss: Its cosine.
     """
 
     xs: Any
     zs: Any
     vxs: Any
     vzs: Any
+    facing_sins: Any
+    facing_coss: Any
 
 
 @kernel(inline=True)
@@ -83,122 +68,104 @@ def _faded(gap):
     return value * value
 
 
-@kernel(inline=True)
-def _gap_ahead(dx, dz, sin, cos, least, most, wide):
-    """Return the distance of a place from the strip ahead, from ``least`` to ``most`` and ``wide`` to either side."""
-    aside = max(abs(dx * cos - dz * sin) - wide, np.float32(0.0))
-    ahead = dx * sin + dz * cos
-    ahead -= min(max(ahead, least), most)
-    return np.float32(math.sqrt(ahead * ahead + aside * aside))
+def _build_frames(name, read, gap):
+    """Return a kernel that adds what a term of one kind earns along one action's path to the total of each target."""
 
-
-@kernel(inline=True)
-def _gap_around(dx, dz, least, most):
-    """Return the distance of a place from the ring between ``least`` and ``most``."""
-    far = np.float32(math.sqrt(dx * dx + dz * dz))
-    return abs(far - min(max(far, least), most))
-
-
-@kernel(allocates=False)
-def _add_proximity(path, places, terms, row, log_discount, best, total):
-    """Add the proximity term (``proximity_reward``) of one action's path to the total of each target."""
-    least, most, wide = np.float32(terms[row, LEAST]), np.float32(terms[row, MOST]), np.float32(terms[row, ASIDE])
-    greatest, facing = terms[row, GREATEST_PROXIMITY] != 0.0, terms[row, FACING] != 0.0
-    shrink = np.float32(1.0 / terms[row, SIGMA])
-    for m in range(len(total)):
-        best[m] = np.float32(0.0)
-    for t in range(1, len(path) + 1):
-        factor, time = np.float32(terms[row, WEIGHT] * math.exp(t * log_discount)), np.float32(t)
-        sin, cos = np.float32(math.sin(path[t - 1, HEADING])), np.float32(math.cos(path[t - 1, HEADING]))
-        x, z = path[t - 1, X], path[t - 1, Z]
-        if facing:
+    def add(path, places, term, log_discount, best, total):
+        wanted, greatest = read(term, np.float32), term.greatest != 0.0
+        for m in range(len(total)):
+            best[m] = np.float32(0.0)
+        for t in range(1, len(path) + 1):
+            factor, time = np.float32(term.weight * math.exp(t * log_discount)), np.float32(t)
+            sin, cos = np.float32(math.sin(path[t - 1, HEADING])), np.float32(math.cos(path[t - 1, HEADING]))
+            x, z = path[t - 1, X], path[t - 1, Z]
             for i in range(len(total)):
                 m = np.uint64(i)
                 dx, dz = places.xs[m] + time * places.vxs[m] - x, places.zs[m] + time * places.vzs[m] - z
-                value = factor * _faded(_gap_ahead(dx, dz, sin, cos, least, most, wide) * shrink)
+                seen = Seen(dx, dz, sin, cos, places.facing_sins[m], places.facing_coss[m])
+                value = factor * _faded(gap(seen, wanted))
                 best[m] = max(best[m], value) if greatest else best[m] + value
-        else:
-            for i in range(len(total)):
-                m = np.uint64(i)
-                dx, dz = places.xs[m] + time * places.vxs[m] - x, places.zs[m] + time * places.vzs[m] - z
-                value = factor * _faded(_gap_around(dx, dz, least, most) * shrink)
-                best[m] = max(best[m], value) if greatest else best[m] + value
-    for m in range(len(total)):
-        total[m] += best[m]
+        for m in range(len(total)):
+            total[m] += best[m]
+
+    return kernel(add, allocates=False, name=f"add_{name}")
+
+
+_add_along_path = for_frame_terms(_build_frames)
 
 
 @kernel(allocates=False)
-def _spend_on_strikes(actions, action, places, terms, row, log_discount, total):
+def _spend_on_strikes(actions, action, places, term, log_discount, total):
     """Take what the strikes of one action cost from the total of each target."""
     for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
         t = actions.strike_times[strike]
-        px, pz = actions.strike_positions[strike, 0], actions.strike_positions[strike, 2]
-        factor = terms[row, WEIGHT] * math.exp(t * log_discount)
+        fist = actions.strike_positions[strike, 0], 0.0, actions.strike_positions[strike, 2]
+        factor = term.weight * math.exp(t * log_discount)
         for m in range(len(total)):
-            x, z = places.xs[m] + t * places.vxs[m], places.zs[m] + t * places.vzs[m]
-            total[m] -= factor * spent_on_strike(px, pz, x, z, terms, row)
+            head = places.xs[m] + t * places.vxs[m], 0.0, places.zs[m] + t * places.vzs[m]
+            total[m] -= factor * (term.effort + (term.waste if is_wasted(fist, head, term) else 0.0))
 
 
 @kernel(allocates=False)
-def write_near(actions, action, places, terms, log_discount, best, total):
-    """Write what one action earns for each target, landed strikes left out; ``best`` is scratch space."""
+def write_near(actions, action, places, terms, once, log_discount, best, total):
+    """Write what one action earns for each target, landed strikes left out.
+
+    Args:
+        actions: ``Actions``.
+        action: The action.
+        places: ``Places``.
+        terms: Records of the reward's terms.
+        once: What it earns wherever the target is.
+        log_discount: log gamma.
+        best: Scratch space. Shape (M,), float32.
+        total: Written. Shape (M,), float32.
+    """
     path = actions.paths[actions.path_offsets[action] : actions.path_offsets[action + 1]]
     for m in range(len(total)):
         total[m] = np.float32(0.0)
     for row in range(len(terms)):
-        if terms[row, CODE] == PROXIMITY:
-            _add_proximity(path, places, terms, row, log_discount, best, total)
-        elif terms[row, CODE] == STRIKE:
-            _spend_on_strikes(actions, action, places, terms, row, log_discount, total)
-        else:
-            for m in range(len(total)):
-                target = Target(places.xs[m], 0.0, places.zs[m], places.vxs[m], places.vzs[m])
-                total[m] += term_reward(actions, action, target, terms, row, log_discount)
+        term = terms[row]
+        if term.kind == STRIKE:
+            _spend_on_strikes(actions, action, places, term, log_discount, total)
+        elif term.kind != ONCE:
+            _add_along_path(term.kind, path, places, term, log_discount, best, total)
+    for m in range(len(total)):
+        total[m] += once
 
 
 @kernel
-def fill_near(low, high, actions, places, terms, log_discount, out):
+def fill_near(low, high, actions, places, terms, once, log_discount, out):
     """Write what actions ``low`` to ``high`` earn for targets at ``Places``, landed strikes left out.
 
-    ``out`` has the shape (A, M), or (A, 1) where the reward is the same everywhere.
+    ``once`` is what each earns wherever the target is. ``out`` has the shape (A, M), or (A, 1) where that is all.
     """
     best = np.empty(out.shape[1], np.float32)
     for action in range(low, high):
-        write_near(actions, action, places, terms, log_discount, best, out[action])
+        write_near(actions, action, places, terms, once[action], log_discount, best, out[action])
 
 
 @kernel(allocates=False)
-def earned_where(actions, action, head, velocity, terms, log_discount):
-    """Return what the strikes of an action earn that land on a target with its head at a point."""
+def earned_where(actions, action, target, terms, log_discount):
+    """Return what the strikes of an action earn that land on a target."""
     found = 0.0
     for row in range(len(terms)):
-        if terms[row, CODE] != STRIKE:
-            continue
-        best, total = 0.0, 0.0
-        for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
-            t = actions.strike_times[strike]
-            fists = actions.strike_positions
-            fist = fists[strike, 0], fists[strike, 1], fists[strike, 2]
-            origin = actions.strike_origins[strike, 0], actions.strike_origins[strike, 1]
-            moved = head[0] + t * velocity[X], head[1], head[2] + t * velocity[Z]
-            if strike_lands(fist, origin, moved, terms, row):
-                earned = math.exp(t * log_discount) * actions.strike_speeds[strike] ** terms[row, SPEED_WEIGHT]
-                best = max(best, earned)
-                total += earned
-        found += terms[row, WEIGHT] * (best if terms[row, GREATEST_STRIKE] != 0.0 else total)
+        term = terms[row]
+        if term.kind == STRIKE:
+            found += term.weight * earned_by_strikes(actions, action, target, term, log_discount)
     return found
 
 
 @kernel(allocates=False)
-def _in_reach(actions, action, x, z, velocity, terms):
-    """Return whether a strike of an action may land on a target that starts with its head over (x, z)."""
+def _in_reach(actions, action, target, terms):
+    """Return whether a strike of an action may land on a target, whatever its height."""
     for row in range(len(terms)):
-        if terms[row, CODE] == STRIKE:
-            reach = max(terms[row, HEAD_RADIUS], terms[row, TORSO_RADIUS]) + terms[row, TOLERANCE] + 1e-6
+        term = terms[row]
+        if term.kind == STRIKE:
+            reach = max(term.head_radius, term.torso_radius) + term.tolerance + 1e-6
             for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
                 t = actions.strike_times[strike]
-                dx = x + t * velocity[X] - actions.strike_positions[strike, 0]
-                dz = z + t * velocity[Z] - actions.strike_positions[strike, 2]
+                dx = target.x + t * target.vx - actions.strike_positions[strike, 0]
+                dz = target.z + t * target.vz - actions.strike_positions[strike, 2]
                 if dx * dx + dz * dz <= reach * reach:
                     return True
     return False
@@ -211,11 +178,12 @@ def _list_landed(actions, action, targets, layers, velocity, terms, log_discount
     if actions.strike_offsets[action] == actions.strike_offsets[action + 1]:
         return held
     for first in range(0, len(targets), layers):
-        if not _in_reach(actions, action, targets[first, 0], targets[first, 2], velocity, terms):
+        x, z, vx, vz = targets[first, 0], targets[first, 2], velocity[X], velocity[Z]
+        if not _in_reach(actions, action, Target(x, 0.0, z, vx, vz, 0.0), terms):
             continue
         for c in range(first, first + layers):
-            head = targets[c, 0], targets[c, 1], targets[c, 2]
-            earned = earned_where(actions, action, head, velocity, terms, log_discount)
+            target = Target(x, targets[c, 1], z, vx, vz, 0.0)
+            earned = earned_where(actions, action, target, terms, log_discount)
             if earned > 0.0:
                 if len(landed.cells) > 0:
                     landed.cells[at + held], landed.rewards[at + held] = c, earned

@@ -9,12 +9,32 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowdsim.jit import kernel
+from crowdsim.policy.axes.axis import Target
+from crowdsim.policy.kernels.axes import Corners, find_corners
 
-# Rows and columns of ``Model.axes``.
-DISTANCE, BEARING = range(2)
-FIRST, PER_STEP, COUNT, RATE, WRAPS, STRIDE = range(6)
-# Columns of ``Model.ends``.
-LEFT, AHEAD, COS, SIN, SIDE = range(5)
+DISTANCE, BEARING = range(2)  # of ``Model.axes``
+
+GROUND_AXIS = np.dtype([(name, np.float32) for name in ("first", "per_step", "count", "rate", "wraps", "stride")])
+"""An axis over the ground: first point (squeezed), points a unit, count, rate, whether it wraps, stride in a table."""
+
+END = np.dtype([(name, np.float32) for name in ("left", "ahead", "cos", "sin", "turn", "side")])
+"""The ground frame where an action ends: what is added to a position along x and z [m], with the distance that the
+target goes meanwhile; cosine and sine of the heading, and the heading [rad]; -1 where the action ends in the mirror
+image of a state, else 1."""
+
+
+class Turning(NamedTuple):
+    """What L layers of a grid see of a target, where that turns with the avatar.
+
+    Attributes:
+        axes: The axes of the layers, ``records.AXIS``; none where nothing turns.
+        heights: Height of the head in each layer [m]. Shape (L,).
+        headings: Heading of the target in each [rad]. Shape (L,).
+    """
+
+    axes: Any
+    heights: Any
+    headings: Any
 
 
 class Successors(NamedTuple):
@@ -25,20 +45,23 @@ class Successors(NamedTuple):
         steps: Cells from there to the corner with the next bearing. Shape (M,), int32.
         far: Share of the next distance. Shape (M,), float32.
         around: Share of the next bearing. Shape (M,), float32.
+        corners: ``Corners`` of layers.
     """
 
     lowers: Any
     steps: Any
     far: Any
     around: Any
+    corners: Any
 
 
 @kernel
 def empty_successors(count):
     """Return scratch space for some moving cells."""
     return Successors(
-        np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count, np.float32), np.empty(count, np.float32)
-    )
+        np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count, np.float32), np.empty(count, np.float32),
+        Corners(np.empty(64, np.int64), np.empty(64)),
+    )  # fmt: skip
 
 
 @kernel(inline=True)
@@ -63,18 +86,18 @@ def find_successors(axes, end, xs, zs, found):
 
     Args:
         axes: ``Model.axes``.
-        end: The action's row of ``Model.ends``.
+        end: The action's record of ``Model.ends``.
         xs: Where the targets are, to the left [m]. Shape (M,), float32.
         zs: Ahead.
         found: Written.
     """
     zero, one = np.float32(0.0), np.float32(1.0)
-    left, ahead, cos, sin, side = end[LEFT], end[AHEAD], end[COS], end[SIN], end[SIDE]
-    nearest, rate, rings = axes[DISTANCE, FIRST], axes[DISTANCE, RATE], axes[DISTANCE, PER_STEP]
-    farthest = axes[DISTANCE, COUNT] - one
-    least, sectors, count = axes[BEARING, FIRST], axes[BEARING, PER_STEP], axes[BEARING, COUNT]
-    across, along = axes[DISTANCE, STRIDE], axes[BEARING, STRIDE]
-    wraps = axes[BEARING, WRAPS] != zero
+    left, ahead, cos, sin, side = end.left, end.ahead, end.cos, end.sin, end.side
+    nearest, rate, rings = axes[DISTANCE].first, axes[DISTANCE].rate, axes[DISTANCE].per_step
+    farthest = axes[DISTANCE].count - one
+    least, sectors, count = axes[BEARING].first, axes[BEARING].per_step, axes[BEARING].count
+    across, along = axes[DISTANCE].stride, axes[BEARING].stride
+    wraps = axes[BEARING].wraps != zero
     last = count - one
     period, limit = (count, count) if wraps else (zero, last)
     below, before = max(farthest - one, zero), last if wraps else max(last - one, zero)
@@ -124,13 +147,13 @@ def list_corners(axes, ends, xs, zs, cells, weights):
 
     Args:
         axes: ``Model.axes``.
-        ends: ``Model.ends``. Shape (O, A, 5).
+        ends: ``Model.ends``. Shape (O, A).
         xs: Where the targets are, to the left [m]. Shape (M,), float32.
         zs: Ahead.
         cells: Written: cells of a table, in its first layer. Shape (O, A, M, 4).
         weights: Written: their weights, which add up to 1. Shape (O, A, M, 4).
     """
-    across, one, found = np.int64(axes[DISTANCE, STRIDE]), np.float32(1.0), empty_successors(len(xs))
+    across, one, found = np.int64(axes[DISTANCE].stride), np.float32(1.0), empty_successors(len(xs))
     for outcome in range(ends.shape[0]):
         for action in range(ends.shape[1]):
             find_successors(axes, ends[outcome, action], xs, zs, found)
@@ -138,3 +161,33 @@ def list_corners(axes, ends, xs, zs, cells, weights):
                 row, shares = cells[outcome, action, m], weights[outcome, action, m]
                 row[0], row[1], row[2], row[3] = corners_of(found, m, across)
                 shares[0], shares[1], shares[2], shares[3] = weights_of(found, m, one)
+
+
+@kernel(allocates=False)
+def layers_around(turning, end, height, heading, corners):
+    """Write the layers around one that a target is seen in after an action, and their weights; return how many."""
+    seen = Target(0.0, height, 0.0, 0.0, 0.0, end.side * (heading - end.turn))
+    return find_corners(turning.axes, 0, len(turning.axes), seen, corners)
+
+
+@kernel(allocates=False)
+def see_layers(turning, end, layers, values, corners, later):
+    """Write the values of a state as an avatar reads them that comes there by an action, where layers turn with it.
+
+    Args:
+        turning: ``Turning``.
+        end: The action's record of ``Model.ends``.
+        layers: Layers of the grid.
+        values: V of the state. Shape (C,), float32.
+        corners: Scratch space, ``Corners``.
+        later: Written: in each cell, what is read of the layers around the one that the target is seen in afterwards.
+            Shape (C,), float32.
+    """
+    for c in range(len(later)):
+        later[c] = np.float32(0.0)
+    for h in range(layers):
+        for corner in range(layers_around(turning, end, turning.heights[h], turning.headings[h], corners)):
+            weight, source = np.float32(corners.weights[corner]), corners.cells[corner]
+            if weight > np.float32(0.0):
+                for m in range(0, len(later), layers):
+                    later[m + h] += weight * values[m + source]

@@ -1,0 +1,43 @@
+"""Records of what has been learned, as compiled code reads them (``policy.LookupTables``)."""
+
+import numpy as np
+
+BEHAVIOUR = np.dtype(
+    [
+        ("first_axis", np.int64),
+        ("end_axis", np.int64),
+        ("first_term", np.int64),
+        ("end_term", np.int64),
+        ("looks_ahead", np.bool_),
+        ("cells", np.int64),
+        ("table", np.int64),
+        ("scale", np.float64),
+        ("discount", np.float64),
+        ("low", np.float64),
+        ("step", np.float64),
+        ("price", np.float64),
+        ("each", np.float64),
+        ("turns", np.bool_),
+    ]
+)
+"""A behaviour: its rows of axes and terms; whether its table is one of V, read behind an action (the look-up v); cells
+of its grid, and its first entry in the table; scale and discount; what an entry of 0 is worth, and a step of 1 more;
+what a transition costs it, for a cost of 1 and for each one; whether an axis of its grid turns with the avatar
+(``environment.Grid.turns``)."""
+
+AXIS = np.dtype(
+    [
+        ("kind", np.int64),
+        ("first", np.float64),
+        ("step", np.float64),
+        ("count", np.int64),
+        ("wraps", np.bool_),
+        ("stride", np.int64),
+        ("fade", np.float64),
+        ("minimum", np.float64),
+        ("maximum", np.float64),
+        ("rate", np.float64),
+    ]
+)
+"""An axis of a grid: its kind; first point and step, squeezed (``environment.Axis.rate``); grid points; whether it
+closes on itself; how far apart neighbours lie in a table; how far beyond its range a behaviour fades out; its range."""
