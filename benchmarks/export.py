@@ -1,10 +1,15 @@
 """Exports of 30 avatars: BVH beside numpy.savetxt and orjson, point clouds beside Open3D's legacy writer.
 
     python benchmarks/export.py [--json] [--quick] [--frames 4000] [--clouds 1000] [--threads 2] [--repeats 3]
+                                [--control 60000]
 
 Thirty avatars play the embedded boxer's motion, each from another moment. Posing is not counted; everything after it,
 to files under their final names, is, the best of several runs. A cloud has 500 points per avatar with normals,
 velocities, avatar, team and joint.
+
+``commands`` are whole commands in a fresh process each, posing included: BVH at 15 frames a second of thirty boxers
+over ``--control`` control frames (``brawl_30``), with kernels compiled before and with none (``cold``), and
+``inspect``.
 
 numpy.savetxt and orjson write only the rows of the BVH files; savetxt is timed on two files and the legacy writer,
 which supports neither velocities nor labels, on fifty, and multiplied.
@@ -18,6 +23,7 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -26,6 +32,8 @@ from typing import Any
 import numpy as np
 import open3d
 import orjson
+from _commands import warm_and_cold, whole_command
+from _quick import small_policies
 from numpy.typing import NDArray
 
 from crowdsim.bvh.clip import channel_motion, clip_channels
@@ -148,6 +156,16 @@ def measure(frames: int, clouds: int, threads: int, repeats: int) -> dict[str, A
     return outcome
 
 
+def commands(frames: int) -> dict[str, dict[str, float]]:
+    """What exporting and describing a long run cost, from the command to the prompt."""
+    with tempfile.TemporaryDirectory() as name:
+        run = str(Path(name) / "run")
+        whole_command("run", "brawl_30", "--out", run, "--frames", str(frames), "--set", "outputs={}")
+        outcome = warm_and_cold(Path(name), "export", run, "--bvh", "--fps", "15")
+        plots = str(Path(name) / "plots")
+        return {**outcome, "inspect": whole_command("inspect", run, "--plots", plots)}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", action="store_true")
@@ -155,11 +173,15 @@ def main() -> None:
     parser.add_argument("--clouds", type=int, default=1000)
     parser.add_argument("--threads", type=int, default=min(2, os.cpu_count() or 1))
     parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--control", type=int, default=60_000, help="control frames of whole commands")
     parser.add_argument("--quick", action="store_true", help="seconds: few frames and clouds")
     chosen = parser.parse_args()
     if chosen.quick:
         chosen.frames, chosen.clouds, chosen.repeats = min(chosen.frames, 60), min(chosen.clouds, 4), 1
+        chosen.control = min(chosen.control, 60)
     outcome = measure(chosen.frames, chosen.clouds, chosen.threads, chosen.repeats)
+    with small_policies() if chosen.quick else nullcontext():
+        outcome["commands"] = commands(chosen.control)
     if chosen.json:
         print(json.dumps({**vars(chosen), **outcome}, indent=2))
         return
@@ -171,6 +193,10 @@ def main() -> None:
         for name, seconds in outcome[what].items():
             if name != "megabytes":
                 print(f"  {name:<16}{seconds:>8.2f} s")
+    for row, one in outcome["commands"].items():
+        what = {"warm": "BVH", "cold": "the same, nothing compiled", "inspect": "inspect"}[row]
+        seconds, peak = one["wall_seconds"], one["peak_bytes"] / 1e9
+        print(f"30 boxers x {chosen.control:,} control frames, {what}: {seconds:.1f} s, {peak:.2f} GB")
 
 
 if __name__ == "__main__":

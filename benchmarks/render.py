@@ -8,6 +8,10 @@ in a process of its own: the best of two renderings. There are as many threads a
 the CPU time of a frame on all processors, the encoder included, which other load on the machine disturbs less than
 wall time.
 
+``commands`` are whole commands in a fresh process each, its start and the opening of the run included: the first
+picture of ``crowd_10k`` and ``crowd_100k``, with kernels compiled before and with none (``cold``), and 100 pictures of
+``crowd_10k``; wall and CPU time and the most memory that the process holds.
+
 Open3D draws the same bodies as one mesh per avatar, posed by numpy, without shadows, and its pictures go through the
 same encoder; it runs in a process of its own, since missing system libraries crash it. ``fps_30`` is null where it
 does not start.
@@ -33,6 +37,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import psutil
+from _commands import warm_and_cold, whole_command
 from _quick import small_policies
 
 from crowdsim.crowd.profiling import with_avatars
@@ -58,6 +63,8 @@ class Sizes(NamedTuple):
         frames: Frames of each of them.
         open3d: Frames of Open3D.
         memory: Frames over which memory is watched, a multiple of ten.
+        crowd: Options of ``crowdsim run`` for the crowds of whole commands.
+        first: The frame whose picture is the first one, and how many pictures follow one another.
     """
 
     picture: tuple[int, int] = (1280, 720)
@@ -65,9 +72,13 @@ class Sizes(NamedTuple):
     frames: tuple[int, int, int] = (300, 96, 28)
     open3d: int = 120
     memory: int = 1000
+    crowd: tuple[str, ...] = ()
+    first: int = 100
 
 
-QUICK = Sizes((160, 90), {"30": 3, "1000": 6, "10000": 9}, (3, 3, 3), 2, 20)
+QUICK = Sizes(
+    (160, 90), {"30": 3, "1000": 6, "10000": 9}, (3, 3, 3), 2, 20, ("--frames", "10", "--fraction", "0.0005"), 5
+)
 """Sizes of a quick run; figures keep the names of what they are figures of."""
 THREADS = os.cpu_count() or 1
 
@@ -110,6 +121,21 @@ def memory(source: Any, size: tuple[int, int], frames: int) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder:
         render(source, Path(folder), RenderOptions(size=size, frames=(0, frames)), progress=watch)
     return {"growth_mib": (seen[frames] - seen[frames // 10]) / 2**20, "most_mib": max(seen.values()) / 2**20}
+
+
+def commands(sizes: Sizes) -> dict[str, dict[str, dict[str, float]]]:
+    """What pictures of crowds cost, by the number of boxers, from the command to the prompt."""
+    outcome: dict[str, dict[str, dict[str, float]]] = {}
+    drawn = ("--png", "--size", "x".join(map(str, sizes.picture)), "--frames")
+    for count, scene in (("10000", "crowd_10k"), ("100000", "crowd_100k")):
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            whole_command("run", scene, "--out", str(folder / "run"), *sizes.crowd)
+            pictures = ("render", str(folder / "run"), *drawn)
+            outcome[count] = warm_and_cold(folder, *pictures, f"{sizes.first}:{sizes.first + 1}")
+            if count == "10000":
+                outcome[count]["many"] = whole_command(*pictures, f"0:{sizes.first}", "--out", str(folder / "many"))
+    return outcome
 
 
 def with_open3d(sizes: Sizes) -> float:
@@ -199,6 +225,7 @@ def measure(sizes: Sizes, quick: bool) -> dict[str, Any]:
         )
     outcome["open3d"] = {"fps_30": open3d_apart(quick)}
     outcome["paper"] = {"fps_30": PAPER}
+    outcome["commands"] = commands(sizes)
     outcome["memory"] = memory(boxers(sizes.boxers["30"], sizes.memory / FPS), size, sizes.memory)
     return outcome
 
@@ -228,6 +255,12 @@ def main() -> None:
     theirs = outcome["open3d"]["fps_30"]
     print(f"Open3D, 30 boxers, no shadows: {'does not start' if theirs is None else f'{theirs:.1f} frames/s'}")
     print(f"the paper, 30 boxers: {PAPER:.0f} frames/s")
+    for count, rows in outcome["commands"].items():
+        for row, one in rows.items():
+            what = {"warm": "first picture", "cold": "nothing compiled", "many": f"{sizes.first} pictures"}[row]
+            seconds, peak = one["wall_seconds"], one["peak_bytes"] / 1e9
+            line = f"{seconds:.1f} s, {one['cpu_seconds']:.0f} CPU-seconds, {peak:.2f} GB"
+            print(f"{int(count):,} boxers, {what}: {line}")
     held = outcome["memory"]
     print(f"memory over {sizes.memory} frames: {held['growth_mib']:+.1f} MiB of {held['most_mib']:.0f}")
 

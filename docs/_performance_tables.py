@@ -98,6 +98,26 @@ def pictures(results: Results) -> list[str]:
     return results.table(header, rows, "render")
 
 
+def waiting(results: Results) -> list[str]:
+    """Return how long whole commands take that pose many avatars, in a fresh process each."""
+
+    def row(what: str, benchmark: str, *keys: str) -> list[str]:
+        shown = (("wall_seconds", number), ("cpu_seconds", number), ("peak_bytes", scaled(1e-9)))
+        return [what, *(results.cell(form, benchmark, "commands", *keys, key) for key, form in shown)]
+
+    rows = [
+        row("`crowd_10k`, first picture", "render", "10000", "warm"),
+        row("the same, nothing compiled", "render", "10000", "cold"),
+        row("`crowd_10k`, 100 pictures", "render", "10000", "many"),
+        row("`crowd_100k`, first picture", "render", "100000", "warm"),
+        row("the same, nothing compiled", "render", "100000", "cold"),
+        row("30 boxers, 60,000 control frames, to BVH at 15 frames a second", "export", "warm"),
+        row("the same, nothing compiled", "export", "cold"),
+        row("the same run, `inspect`", "export", "inspect"),
+    ]
+    return results.table(["whole command", "time [s]", "CPU time [s]", "memory [GB]"], rows, "render", "export")
+
+
 def poses(results: Results) -> list[str]:
     """Return poses and forward kinematics beside upc-pymotion."""
     get = results.cell
@@ -220,6 +240,7 @@ PERFORMANCE_TABLES: dict[str, Callable[[Results], list[str]]] = {
     "training": training,
     "graph": graph,
     "pictures": pictures,
+    "waiting": waiting,
     "poses": poses,
     "files": files,
     "batch": batch,

@@ -27,6 +27,11 @@ def figures(results: Results) -> list[str]:
         ["video at 1280x720 of 30 / 1,000 / 10,000 boxers, frames per second",
          " / ".join(get(number, "render", "fps", count) for count in ("30", "1000", "10000")),
          f"Open3D, 30 boxers: {get(number, 'render', 'open3d', 'fps_30')}"],
+        ["first picture of 10,000 / 100,000 boxers, whole command in a fresh process; nothing compiled",
+         "; ".join(" / ".join(get(scaled(1.0, " s"), "render", "commands", count, row, "wall_seconds")
+                              for count in ("10000", "100000")) for row in ("warm", "cold")), ""],
+        ["30 boxers over 60,000 control frames to BVH at 15 frames per second, likewise",
+         "; ".join(get(scaled(1.0, " s"), "export", "commands", row, "wall_seconds") for row in ("warm", "cold")), ""],
         ["BVH read / written to a file, MB/s",
          f"{get(whole, 'bvh', 'read_mb_per_s', 'crowdsim')} / "
          f"{get(whole, 'bvh', 'write_mb_per_s', 'crowdsim, to a file')}",

@@ -31,7 +31,11 @@ KEYS = {
         *(f"workers_{count}.{name}" for count in (1, 2) for name in ("seconds", "overhead_milliseconds")),
         "speedup", "loop_seconds_per_run",
     ],
-    "render": ["fps.30", "fps.1000", "fps.10000", "open3d.fps_30", "memory.growth_mib"],
+    "render": [
+        "fps.30", "fps.1000", "fps.10000", "open3d.fps_30", "memory.growth_mib",
+        *(f"commands.{row}.{key}" for row in ("10000.warm", "10000.cold", "10000.many", "100000.warm", "100000.cold")
+          for key in ("wall_seconds", "cpu_seconds", "peak_bytes")),
+    ],
     "training": [
         "value_iteration.ratio_to_quantecon_1t", "value_iteration.ratio_to_quantecon_2t",
         "value_iteration.seconds_both_tables", "q_learning.seconds_both_tables", "q_learning.return_ratio",

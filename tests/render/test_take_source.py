@@ -14,8 +14,11 @@ from crowdsim.motion.database import build_database
 from crowdsim.motion.measuring import measure_clips
 from crowdsim.performer.session import perform
 from crowdsim.policy.rewards import target_body
+from crowdsim.poses.sampler import PoseSampler, unseen_layers
+from crowdsim.render.source import Shown
 from crowdsim.render.stage import build_stage
 from crowdsim.render.take_source import TakeSource
+from crowdsim.render.view import FIELD, look_at
 from crowdsim.take.take import Cast, Events, Take
 
 FRAMES, AVATARS = 30, 4
@@ -146,3 +149,42 @@ def test_cameras_leave_room_for_longer_legs_and_pictures_depend_on_them(policy):
     np.testing.assert_allclose(source.avatar_heights / tall, [1.0, short / tall, 1.2 * (2 - short / tall), 1.2])
     assert source.fingerprint != plain.fingerprint
     assert source.avatar_stretches[:, 1].tolist() == legs.tolist()
+
+
+def test_what_is_far_or_out_of_sight_is_posed_with_less(policy) -> None:
+    """Layers that are not seen are left out by what each picture shows, whatever was drawn before it."""
+    take = wander(policy, avatars=3)
+    scales = np.array([[np.inf, 2.0, 0.0], [0.5, 2.0, np.inf]])
+    plain, sampler = TakeSource(take, [policy], 30.0), PoseSampler(take, [policy])
+    source = TakeSource(take, [policy], 30.0)
+    seen = [source.poses(frame, Shown(22, lambda frame: scales[frame % 2]))[0] for frame in (20, 21)]
+    for frame, (positions, _) in zip((20, 21), seen, strict=True):
+        shown = dict(enumerate(scales[frame % 2]))
+        for avatar, scale in shown.items():
+            if scale == 0.0:
+                assert np.isnan(positions[avatar]).all()
+                continue
+            [(_, without)] = unseen_layers(np.array([scale]))
+            expected = sampler.sample(frame, frame + 1, 30.0, np.array([avatar]), without)[0].joints()[0][0, 0]
+            np.testing.assert_array_equal(positions[avatar], expected)
+    np.testing.assert_array_equal(seen[0][0][0], plain.poses(20)[0][0][0])
+
+
+def test_pictures_of_a_range_are_those_of_the_whole_from_far_and_near(policy) -> None:
+    take = wander(policy, avatars=3)
+    for size in ((320, 180), (32, 18)):
+        whole = build_stage(TakeSource(take, [policy], 30.0), size, caption=False)
+        alone = build_stage(TakeSource(take, [policy], 30.0), size, caption=False)
+        pictures = [whole.picture(frame, stop=24) for frame in range(18, 24)]
+        assert np.array_equal(alone.picture(22), pictures[4])
+
+
+def test_avatars_show_at_as_many_pixels_a_metre_as_the_picture_has_there() -> None:
+    """The nearer, the more; none behind the eye, and none far beside the view."""
+    view = look_at(np.array([0.0, 1.0, 0.0]), np.array([0.0, 1.0, 10.0]))
+    ground = np.array([[0.0, 20.0, 0.0], [0.0, 5.0, 0.0], [0.0, -9.0, 0.0], [80.0, 20.0, 0.0]])
+    far, near, behind, beside = view.scales(ground, (320, 180))
+    focal = 90.0 / np.tan(0.5 * FIELD)
+    assert focal / 20.0 < far < focal / 18.9
+    assert near == pytest.approx(focal / 4.0)
+    assert behind == beside == 0.0

@@ -32,7 +32,7 @@ _CREEP, _WIDE = 0.06, 2
 """How far they go at the most [m], and how long they stay where they have to go, before and after [control frames]."""
 _ASIDE, _BESIDE = 0.25, 1.4
 """How far they move at the most that a body is near which is down; and how near that is [m]."""
-POSES_AT_ONCE, _FRAMES_AT_ONCE = 64_000, 1024
+POSES_AT_ONCE, _FRAMES_AT_ONCE = 8_000, 1024
 """Most poses that limbs are deflected in at once, and most frames for which others are posed."""
 
 
