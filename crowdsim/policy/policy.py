@@ -11,6 +11,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.errors import PolicyError, nearest
 from crowdsim.policy.actions import Actions
+from crowdsim.policy.axes.registry import BEARING, DISTANCE, HEIGHT
 from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.policy.environment import HALFWAY, LEAD, Grid
 from crowdsim.policy.falls import Falls
@@ -194,7 +195,8 @@ def build_lookup_tables(
         record["first_axis"], record["first_term"], record["table"] = axis_start, term_start, table_start
         axis_start, term_start = axis_start + len(axes[-1]), term_start + len(terms[-1])
         table_start += len(behaviour.table)
-        record["end_axis"], record["end_term"], record["turns"] = axis_start, term_start, behaviour.grid.turns
+        record["end_axis"], record["end_term"] = axis_start, term_start
+        record["further"] = any(axis.kind not in (DISTANCE, BEARING, HEIGHT) for axis in behaviour.grid.axes)
         record["looks_ahead"], record["cells"] = behaviour.lookup == "v", behaviour.grid.cells
         for name in ("scale", "discount", "low", "step"):
             record[name] = getattr(behaviour, name)
