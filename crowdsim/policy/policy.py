@@ -93,8 +93,8 @@ class LookupTables(NamedTuple):
         terms: The reward terms of each behaviour. Shape (n,), ``terms.registry.TERM``.
         once: What each action earns each behaviour wherever the target is (``Term.of_actions``). Shape (B, A), float64.
         table: The tables of all behaviours, one after another. Flat, float32, uint8 or uint16.
-        leads: How many control frames later a moving target is seen: now, by tables of Q (``environment.HALFWAY``), and
-            behind an action, by tables of V (``environment.LEAD``). Shape (2,), float64.
+        lead_now: How many control frames later tables of Q see a moving target (``environment.HALFWAY``).
+        lead_later: How many frames after an action tables of V see one (``environment.LEAD``).
     """
 
     actions: Actions
@@ -103,7 +103,8 @@ class LookupTables(NamedTuple):
     terms: Array
     once: Array
     table: Array
-    leads: Array
+    lead_now: float
+    lead_later: float
 
 
 @dataclass(frozen=True)
@@ -206,5 +207,5 @@ def build_lookup_tables(
                 record["each"] += term.each
     if values is None:
         values = np.concatenate([behaviour.table for behaviour in behaviours])
-    leads = np.array([HALFWAY, LEAD]) * actions.mean_length
-    return LookupTables(actions, records, np.concatenate(axes), np.concatenate(terms), once, np.asarray(values), leads)
+    leads = HALFWAY * actions.mean_length, LEAD * actions.mean_length
+    return LookupTables(actions, records, np.concatenate(axes), np.concatenate(terms), once, np.asarray(values), *leads)

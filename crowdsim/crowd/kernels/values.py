@@ -1,4 +1,4 @@
-"""What the actions of a state are worth: ``policy.action_values`` for many situations at a time."""
+"""What the actions of a state are worth: ``policy.kernels.values`` for many situations at a time."""
 
 import math
 from typing import NamedTuple
