@@ -246,9 +246,10 @@ def decide(one, avatars, crowd, targets, frame, marks):
             kept = seems_far(one, avatars[old], frame) - crowd.hysteresis[one.cohort] if old >= 0 else -math.inf
             if old >= 0 and team[old] != one.skip and seems_far(one, avatars[opponent], frame) >= kept:
                 opponent = old
-    target, moving, lasts = None, np.zeros(2), 0.0
+    target, moving, lasts, faces = None, np.zeros(2), 0.0, 0.0
     if opponent >= 0:
         other = avatars[opponent]
+        faces = positions[opponent, 2]
         target = other.body("heads", other.action, min(other.phase, other.length), other.start)
         lasts = (other.length - min(other.phase, other.length)) / other.speed
         if lasts > 0:
@@ -257,6 +258,7 @@ def decide(one, avatars, crowd, targets, frame, marks):
     elif opponent <= -2:
         target, lasts = targets[1, -2 - opponent], math.inf
         moving = (target - targets[0, -2 - opponent])[[0, 2]]
+        faces = math.atan2(*moving)
     interval = crowd.intervals[one.cohort] * one.slowness
     rests = interval > 0 and one.burst == 0 and frame < one.rested
     shift = one.range - SHYNESS * one.doublings
@@ -267,7 +269,7 @@ def decide(one, avatars, crowd, targets, frame, marks):
         target[[0, 2]] = mine[:2] + way * max(far - shift, CLOSEST) / far
     if outside(crowd.arena, mine[0], mine[1]) > crowd.crowding.turn:
         target = np.array([crowd.arena[1], 1.5 * one.scale if target is None else target[1], crowd.arena[2]])
-        moving = np.zeros(2)
+        moving, faces = np.zeros(2), faces if opponent >= 0 else 0.0
     policy, actions = one.policy, one.policy.actions
     state = int(actions.next[one.action])
     choices = range(actions.offsets[state], actions.offsets[state + 1])
@@ -275,7 +277,7 @@ def decide(one, avatars, crowd, targets, frame, marks):
         values = -actions.costs[list(choices)].astype(float)
     else:
         weights = {b.name: crowd.weights[one.cohort, k] for k, b in enumerate(policy.behaviours)}
-        seen = within_grids(policy, ground.to_local(mine, target) / one.scale)
+        seen = np.append(within_grids(policy, ground.to_local(mine, target) / one.scale), faces - mine[2])
         turned = ground.to_local([0, 0, mine[2]], np.array([moving[0], 0, moving[1]]))
         values = action_values(policy, weights, state, seen, turned / (one.scale * one.speed), lasts * one.speed)
     for k, action in enumerate(choices):

@@ -56,7 +56,7 @@ class Model(NamedTuple):
         sizes: Radius of head and torso, drop from the head to neck and pelvis, a strike's tolerance; how far the
             surface of head and torso is from the body's position at most, and how far it moves in a control frame at
             most; the distance beyond which all grids end [m]; how much later moving targets are seen, as in
-            ``policy.LookupTables.leads`` [control frames]; the speed from which on a strike is strong [m/s];
+            ``policy.LookupTables`` [control frames]; the speed from which on a strike is strong [m/s];
             the share of ``Crowding``'s gap that bodies keep; radius of forearm and glove. Shape (P, 14), float64.
         twins: For each state the one of the captured motion that it is, or is the mirror image of. Shape (S,), int32.
         falls: What knocks avatars down: policy, kind (0 falls, 1 lies, 2 rises, 3 staggers, 4 goes on staggering),

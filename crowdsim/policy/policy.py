@@ -11,6 +11,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.errors import PolicyError, nearest
 from crowdsim.policy.actions import Actions
+from crowdsim.policy.axes.registry import BEARING, DISTANCE, HEIGHT
 from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.policy.environment import HALFWAY, LEAD, Grid
 from crowdsim.policy.falls import Falls
@@ -92,8 +93,8 @@ class LookupTables(NamedTuple):
         terms: The reward terms of each behaviour. Shape (n,), ``terms.registry.TERM``.
         once: What each action earns each behaviour wherever the target is (``Term.of_actions``). Shape (B, A), float64.
         table: The tables of all behaviours, one after another. Flat, float32, uint8 or uint16.
-        leads: How many control frames later a moving target is seen: now, by tables of Q (``environment.HALFWAY``), and
-            behind an action, by tables of V (``environment.LEAD``). Shape (2,), float64.
+        lead_now: How many control frames later tables of Q see a moving target (``environment.HALFWAY``).
+        lead_later: How many frames after an action tables of V see one (``environment.LEAD``).
     """
 
     actions: Actions
@@ -102,7 +103,8 @@ class LookupTables(NamedTuple):
     terms: Array
     once: Array
     table: Array
-    leads: Array
+    lead_now: float
+    lead_later: float
 
 
 @dataclass(frozen=True)
@@ -194,7 +196,8 @@ def build_lookup_tables(
         record["first_axis"], record["first_term"], record["table"] = axis_start, term_start, table_start
         axis_start, term_start = axis_start + len(axes[-1]), term_start + len(terms[-1])
         table_start += len(behaviour.table)
-        record["end_axis"], record["end_term"], record["turns"] = axis_start, term_start, behaviour.grid.turns
+        record["end_axis"], record["end_term"] = axis_start, term_start
+        record["further"] = any(axis.kind not in (DISTANCE, BEARING, HEIGHT) for axis in behaviour.grid.axes)
         record["looks_ahead"], record["cells"] = behaviour.lookup == "v", behaviour.grid.cells
         for name in ("scale", "discount", "low", "step"):
             record[name] = getattr(behaviour, name)
@@ -204,5 +207,5 @@ def build_lookup_tables(
                 record["each"] += term.each
     if values is None:
         values = np.concatenate([behaviour.table for behaviour in behaviours])
-    leads = np.array([HALFWAY, LEAD]) * actions.mean_length
-    return LookupTables(actions, records, np.concatenate(axes), np.concatenate(terms), once, np.asarray(values), leads)
+    leads = HALFWAY * actions.mean_length, LEAD * actions.mean_length
+    return LookupTables(actions, records, np.concatenate(axes), np.concatenate(terms), once, np.asarray(values), *leads)

@@ -17,13 +17,13 @@ BEHAVIOUR = np.dtype(
         ("step", np.float64),
         ("price", np.float64),
         ("each", np.float64),
-        ("turns", np.bool_),
+        ("further", np.bool_),
     ]
 )
 """A behaviour: its rows of axes and terms; whether its table is one of V, read behind an action (the look-up v); cells
 of its grid, and its first entry in the table; scale and discount; what an entry of 0 is worth, and a step of 1 more;
-what a transition costs it, for a cost of 1 and for each one; whether an axis of its grid turns with the avatar
-(``environment.Grid.turns``)."""
+what a transition costs it, for a cost of 1 and for each one; whether its grid has axes beside distance, bearing and
+height."""
 
 AXIS = np.dtype(
     [

@@ -154,6 +154,7 @@ def maps_figure(policy: Policy, behaviour: Behaviour, states: list[int], points:
         axes.plot(0, 0, marker="^", color="white", markeredgecolor="black", markersize=8)
     _kind_legend(figure, shown)
     where = f", head at {height:.2f} m" if (height := look.head) is not None else ""
+    where += ", targets face it" if any(axis.name == "heading" for axis in behaviour.grid.axes) else ""
     figure.suptitle(f"{policy.name}: {behaviour.name}, by where the target is around the avatar, who looks up{where}")
     return figure
 
@@ -185,7 +186,7 @@ class _BestActions:
         for row, z in enumerate(sides):
             for place, right in enumerate(sides):
                 if math.hypot(right, z) <= min(extent, self.far):
-                    target = Target(-right, height, z, 0.0, 0.0)
+                    target = Target(-right, height, z, 0.0, 0.0, math.atan2(right, -z))
                     n = evaluate_actions(self._tables, ones, state, target, corners, found)
                     values[row, place] = found[:n].max() * self._scale
                     best[row, place] = found[:n].argmax()

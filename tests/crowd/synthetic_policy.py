@@ -1,5 +1,7 @@
 """Small policies for tests of control: random motion, a graph over it, random tables."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from crowdsim.graph.motion_graph import MotionGraph
@@ -132,3 +134,14 @@ def policy(seed=0, lookup="v", frames=40, stride=4, name="synthetic"):
         behaviours.append(Behaviour(title, grid, lookup, table, 2.0, rewards, 0.97))
     values = np.concatenate([behaviour.table for behaviour in behaviours])
     return Policy(name, motion, model, actions, tuple(behaviours), body, values, {}, {}, "", {})
+
+
+def with_headings(chosen, seed=3):
+    """Return a policy whose behaviours see which way their target faces, one of them beside its height."""
+    rng, behaviours = np.random.default_rng(seed), []
+    for each in chosen.behaviours:
+        grid = build_grid([*each.grid.axes, Axis("heading", -np.pi, np.pi, 5, wraps=True)])
+        table = rng.uniform(0, 5, len(each.table) * 5).astype(np.float32)
+        behaviours.append(replace(each, grid=grid, table=table))
+    values = np.concatenate([each.table for each in behaviours])
+    return replace(chosen, behaviours=tuple(behaviours), values=values)

@@ -6,7 +6,7 @@ import naive_crowd
 import numpy as np
 import pytest
 from naive_policy import action_values
-from synthetic_policy import policy
+from synthetic_policy import policy, with_headings
 
 from crowdsim.crowd import buffers, simulation
 from crowdsim.crowd.buffers import empty_record, empty_scratch
@@ -88,9 +88,26 @@ def bytes_of(chunks):
     ],
 )
 def test_a_run_is_that_of_the_naive_twin(name, fields, targets):
-    people = crowd(**fields, targets=targets)
-    record, events = whole(simulate(replace(people, policies=POLICIES), 60))
-    naive = naive_crowd.run(people, POLICIES, 60)
+    compare_with_twin(crowd(**fields, targets=targets), POLICIES)
+
+
+@pytest.mark.parametrize(
+    ("fields", "targets"),
+    [
+        ({}, ()),
+        ({"skip": np.full(12, -2), "fixed": np.full(12, -2)}, (CirclePath(2.0, 1.0, (1.0, 1.0), 1.5),)),
+        ({"arena": np.array([2.0, 1.5, 1.5, 1.0, 2.0])}, ()),
+    ],
+    ids=["free for all", "a scripted target", "a rectangle"],
+)
+def test_a_run_with_policies_that_see_headings_is_that_of_the_naive_twin(fields, targets):
+    compare_with_twin(crowd(**fields, targets=targets), [with_headings(one) for one in POLICIES])
+
+
+def compare_with_twin(people, policies):
+    """Compare a run of 60 control frames with the naive one."""
+    record, events = whole(simulate(replace(people, policies=tuple(policies)), 60))
+    naive = naive_crowd.run(people, policies, 60)
     assert np.array_equal(record["action"], naive.action)
     assert np.array_equal(record["opponent"], naive.opponent)
     for variable in ("action_frame", "x", "z"):

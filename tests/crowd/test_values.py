@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from naive_policy import action_values
-from synthetic_policy import policy
+from synthetic_policy import policy, with_headings
 
 from crowdsim.crowd.buffers import empty_scratch
 from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.crowd.model import build_model
 from crowdsim.policy.axes.axis import Target
 from crowdsim.policy.bundle import encode
-from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.kernels.axes import Corners
 from crowdsim.policy.kernels.values import evaluate_actions
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TransitionTerm
@@ -68,17 +67,6 @@ def stretched(chosen):
         grid = replace(each.grid, axes=tuple(squeezed(axis) for axis in each.grid.axes))
         behaviours.append(replace(each, grid=grid))
     return replace(chosen, behaviours=tuple(behaviours))
-
-
-def with_headings(chosen, seed=3):
-    """A policy whose behaviours see which way their target faces: one of them beside its height."""
-    rng, behaviours = np.random.default_rng(seed), []
-    for each in chosen.behaviours:
-        grid = build_grid([*each.grid.axes, Axis("heading", -np.pi, np.pi, 5, wraps=True)])
-        table = rng.uniform(0, 5, len(each.table) * 5).astype(np.float32)
-        behaviours.append(replace(each, grid=grid, table=table))
-    values = np.concatenate([each.table for each in behaviours])
-    return replace(chosen, behaviours=tuple(behaviours), values=values)
 
 
 def compare(chosen, seed=0, count=60):

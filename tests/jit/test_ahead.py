@@ -197,7 +197,9 @@ def test_types_of_arguments_come_back_from_their_text():
 
     read_only = np.zeros((2, 3), np.float32)
     read_only.flags.writeable = False
-    for value in (read_only, np.zeros(3, bool), np.asfortranarray(np.zeros((2, 2))), 1, 2.5, True, None, (1, 2.0)):
+    records = np.zeros((2, 3), [("kind", np.int64), ("weight", np.float32), ("wraps", bool)])
+    several = read_only, np.zeros(3, bool), np.asfortranarray(np.zeros((2, 2))), records
+    for value in (*several, 1, 2.5, True, None, (1, 2.0)):
         assert decode(json.loads(json.dumps(encode(typeof(value))))) == typeof(value)
     with pytest.raises((TypeError, AttributeError)):
         encode(typeof([1]))

@@ -114,13 +114,15 @@ def test_policies_of_the_same_motion_share_it(tiny_policy, tmp_path):
 
 @given(
     kind=st.sampled_from([np.uint8, np.uint16, np.float16, np.float32]),
-    axes=st.sampled_from(["distance", "distance bearing", "distance bearing height"]),
+    axes=st.sampled_from(
+        ["distance", "distance bearing", "distance bearing height", "distance bearing height heading"]
+    ),
     symmetric=st.booleans(),
     seed=st.integers(0, 1000),
 )
 def test_any_table_is_unpacked_as_it_was(kind, axes, symmetric, seed):
     grid = build_grid(
-        Axis(name, -np.pi, np.pi, 6, wraps=True) if name == "bearing" else Axis(name, 0.0, 2.0, 3)
+        Axis(name, -np.pi, np.pi, 6, wraps=True) if name in ("bearing", "heading") else Axis(name, 0.0, 2.0, 3)
         for name in axes.split()
     )
     draw = np.random.default_rng(seed)

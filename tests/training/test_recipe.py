@@ -8,8 +8,9 @@ import pytest
 
 from crowdsim.cli import main
 from crowdsim.errors import RecipeError
-from crowdsim.policy.environment import AXIS_KINDS
+from crowdsim.policy.axes.registry import NAMES
 from crowdsim.policy.rewards import TERMS
+from crowdsim.policy.terms.registry import names
 from crowdsim.training.recipe import Axes, load_recipe
 from crowdsim.training.recipe_reference import recipe_reference, recipe_schema
 
@@ -100,8 +101,30 @@ def test_limbs_that_strike_are_named_in_pairs_or_one_by_one(tmp_path):
 
 
 def test_every_axis_and_every_reward_can_be_written_in_a_recipe():
-    assert set(Axes.model_fields) == set(AXIS_KINDS)
-    assert all(term.model_fields["kind"].annotation.__args__ == (name,) for name, term in TERMS.items())
+    assert set(Axes.model_fields) == set(NAMES)
+    assert [term.model_fields["kind"].annotation.__args__[0] for term in TERMS] == names()
+
+
+HEADING = "      bearing:", "      heading: {count: 6}\n      bearing:"
+
+
+@pytest.mark.parametrize(
+    ("recipe", "finding"),
+    [
+        (
+            changed(*HEADING) + "    backup: max_of_interpolated\n",
+            "axes.heading: turns with the avatar, which needs the backup interpolation_of_max, not max_of_interpolated",
+        ),
+        (
+            changed(HEADING[0], HEADING[1].replace("6", "6, stretch: 2")),
+            "expected even steps of a heading",
+        ),
+        (changed(HEADING[0], HEADING[1].replace("6", "6, reach: true")), "strikes reach no heading, expected false"),
+    ],
+)
+def test_a_heading_that_cannot_be_learned_is_a_finding(tmp_path, recipe, finding):
+    [line] = faults(tmp_path, recipe)
+    assert finding in line
 
 
 def test_an_unknown_axis_names_the_nearest_one(tmp_path):

@@ -1,4 +1,4 @@
-"""What the actions of a state are worth: ``policy.action_values`` for many situations at a time."""
+"""What the actions of a state are worth: ``policy.kernels.values`` for many situations at a time."""
 
 import math
 from typing import NamedTuple
@@ -111,12 +111,12 @@ def _value_block(model, weights, scratch, first, count, policy):
             if factor == 0.0:
                 continue
             if not model.behaviours[b].looks_ahead:
-                if model.behaviours[b].turns:
+                if model.behaviours[b].further:
                     _add_row_values_of_layers(model, b, options, spot, _target_of(scratch, q), factor, scratch)
                 else:
                     _add_row_values(model, b, options, spot, factor, scratch)
             else:
-                if model.behaviours[b].turns:
+                if model.behaviours[b].further:
                     _add_end_values_of_layers(
                         model, b, b - begun, options, spot, scratch.begins[d], _target_of(scratch, q), factor, scratch
                     )
@@ -204,7 +204,7 @@ def _find_cells(model, weights, scratch, q, d, policy, distance):
         scratch.parts[spot, 3] = factor
         if factor == 0.0:
             continue
-        if behaviours[b].turns:
+        if behaviours[b].further:
             cell, scratch.spots[spot, 3], scratch.parts[spot, 2] = 0, 0, 0.0  # see ``_corner_of_layers``
         else:
             cell, scratch.spots[spot, 3], scratch.parts[spot, 2] = locate(grids[b, HEIGHT], target.y)
@@ -334,7 +334,7 @@ def _corner_of_layers(grids, b, target, corner):
 
 @kernel(allocates=False)
 def _add_row_values_of_layers(model, b, options, spot, target, factor, scratch):
-    """Do what ``_add_row_values`` does for a grid that turns with the avatar."""
+    """Do what ``_add_row_values`` does for a grid of further axes."""
     spots, parts, behaviour, out = scratch.spots, scratch.parts, model.behaviours[b], options.values
     for k in range(options.n):
         out[k] += factor * behaviour.low
@@ -348,7 +348,7 @@ def _add_row_values_of_layers(model, b, options, spot, target, factor, scratch):
 
 @kernel(allocates=False)
 def _add_end_values_of_layers(model, b, slot, options, spot, begin, target, factor, scratch):
-    """Do what ``_add_end_values`` does for a grid that turns with the avatar: each action turns it by itself."""
+    """Do what ``_add_end_values`` does for a grid of further axes, which may turn with the avatar in each action."""
     behaviour, moves, near, at = model.behaviours[b], model.moves, scratch.nears[slot], scratch.spots[spot, 0]
     cells, steps = scratch.cells[2 * slot], scratch.cells[2 * slot + 1]
     parts, turns = scratch.work[WORK_SHARES + 2 * slot], scratch.work[WORK_SHARES + 1 + 2 * slot]

@@ -1,5 +1,9 @@
 """Compiled values of actions.
 
+Values of behaviours are divided by their scale, multiplied by their weight and by how much they count at the target
+(``fade_on_axes``), and added (paper, section 5). What a transition costs is in the values of every behaviour that
+prices it; here it is counted once, at the highest of their prices.
+
 ``tables`` is a ``LookupTables``, ``target`` a ``Target``, and ``corners`` are ``Corners``.
 """
 
@@ -10,9 +14,6 @@ from crowdsim.jit import kernel
 from crowdsim.policy.axes.axis import Target
 from crowdsim.policy.kernels.axes import fade_on_axes, find_corners
 from crowdsim.policy.kernels.rewards import HEADING, X, Z, action_reward
-
-# Entries of ``LookupTables.leads``.
-LEAD_NOW, LEAD_LATER = range(2)
 
 
 @kernel(allocates=False)
@@ -56,7 +57,7 @@ def add_stored_values(tables, behaviour, state, target, factor, corners, out):
     row = tables.behaviours[behaviour]
     first = tables.actions.offsets[state]
     n = tables.actions.offsets[state + 1] - first
-    soon = moved(target, tables.leads[LEAD_NOW])
+    soon = moved(target, tables.lead_now)
     count = find_corners(tables.axes, row.first_axis, row.end_axis, soon, corners)
     base = row.table + first * row.cells
     for k in range(n):
@@ -77,7 +78,7 @@ def add_values_ahead(tables, behaviour, state, target, factor, corners, out):
     for k in range(actions.offsets[state + 1] - first):
         a = first + k
         earned = action_reward(tables, behaviour, a, target)
-        later = after_action(actions, a, moved(target, actions.lengths[a] + tables.leads[LEAD_LATER]))
+        later = after_action(actions, a, moved(target, actions.lengths[a] + tables.lead_later))
         value = state_value(tables, behaviour, actions.next[a], later, corners)
         out[k] += factor * (earned + math.exp(log_discount * actions.lengths[a]) * value)
 

@@ -218,7 +218,7 @@ def judge_transitions(low, high, offsets, jumps, judged, most, keep, gains):
 def _weigh_action(judged, action, out):
     """Write what an action is worth to each behaviour, target by target, and then to all of them together.
 
-    Together a transition costs what it costs the behaviour that it costs most, as in ``policy.action_values``.
+    Together a transition costs what it costs the behaviour that it costs most, as in ``policy.kernels.values``.
     """
     behaviours, _, targets = judged.values.shape
     for m in range(targets):
