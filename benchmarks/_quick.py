@@ -41,6 +41,14 @@ def smaller(recipe: dict[str, Any], seconds: float, falls: bool = False) -> dict
     }
 
 
+def with_policy(name: str, shipped: str = "boxer") -> list[str]:
+    """Return what lets the boxers of a shipped scenario, who have the policy ``shipped``, fight by another one.
+
+    That may have learned other behaviours: its recipe weighs them.
+    """
+    return [] if name == shipped else [f"types.boxer.policy={name}", "types.boxer.behaviours={}"]
+
+
 @contextmanager
 def small_policies(seconds: float = 24.0, falls: bool = False) -> Iterator[None]:
     """Work in a folder where the shipped policies are small; they are trained there on first use.

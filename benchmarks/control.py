@@ -30,7 +30,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from _quick import small_policies
+from _quick import small_policies, with_policy
 from scipy.spatial import cKDTree
 
 from crowdsim.crowd.chunk import STAGES, Chunk
@@ -103,7 +103,7 @@ def by_stage(timings: np.ndarray, count: int) -> dict[str, float]:
 
 
 def brawl(policy: Policy, repeats: int, frames: int) -> dict[str, Any]:
-    scenario = load_scenario("brawl_30")
+    scenario = load_scenario("brawl_30", with_policy(policy.name))
     crowd = draw_crowd(scenario, [policy])
     chunks: list[Chunk] = []
     whole = []
@@ -140,7 +140,7 @@ def apart(policy: Policy, repeats: int, frames: int) -> dict[str, Any]:
     for name in ("brawl_30", "armies_200"):
         spent = {}
         for said in ("true", "false"):
-            scenario = load_scenario(name, [f"collision_avoidance={said}"])
+            scenario = load_scenario(name, [f"collision_avoidance={said}", *with_policy(policy.name)])
             crowd = draw_crowd(scenario, [policy])
             timings = np.min([timed(crowd, policy, frames, 1)[0] for _ in range(repeats)], axis=0)
             spent[said] = float(timings[:, : len(STAGES) - 1].sum() * 1e-6)
@@ -188,7 +188,9 @@ def scale(policy: Policy, threads: int, quick: bool) -> tuple[dict[str, Any], di
 
 def shipped(policy: Policy, threads: int, quick: bool) -> dict[str, float]:
     """Return what a control frame of the shipped scene of a million costs."""
-    scenario = load_scenario("crowd_1m", fraction=1.0 / QUICK if quick else None)
+    scenario = load_scenario(
+        "crowd_1m", with_policy(policy.name, "boxer_crowd"), fraction=1.0 / QUICK if quick else None
+    )
     crowd = draw_crowd(scenario, [policy])
     timings = least(lambda: timed(crowd, policy, 24, threads, skip=24)[0], 2)
     control = float(timings[:, : len(STAGES) - 1].sum()) / len(timings)

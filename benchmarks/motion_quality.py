@@ -45,7 +45,7 @@ import numpy as np
 from _decisions import judge_decisions
 from _fall_motion import measure_falls
 from _motion_quality_text import lines_of_policy
-from _quick import small_policies
+from _quick import small_policies, with_policy
 from _rest_motion import measure_rests
 from _shown_motion import Shown, read_shown
 from _smoothness import measure_smoothness
@@ -66,7 +66,8 @@ QUICK = ["groups.0.count=12", "groups.0.placement.radius=3", "duration=600"]
 
 def fight(policy: Policy, seed: int = 0, quick: bool = False) -> Take:
     """Sixty fight by a policy."""
-    scenario = load_scenario("brawl_30", [*SCENE, *(QUICK if quick else []), f"seed={seed}"])
+    changes = [*SCENE, *(QUICK if quick else []), *with_policy(policy.name), f"seed={seed}"]
+    scenario = load_scenario("brawl_30", changes)
     return run(scenario, [policy], threads=2)
 
 
