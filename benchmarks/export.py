@@ -72,9 +72,11 @@ class Posed:
         self.motions = (SimpleNamespace(skeleton=skeleton, segments=segments),)
         self.take = SimpleNamespace(
             avatar_count=AVATARS,
+            frame_count=frames,
+            control_rate=FPS,
             output_frames=lambda fps: frames,
             cast=SimpleNamespace(
-                names=[f"boxer_{number:02d}" for number in whole],
+                names=np.array([f"boxer_{number:02d}" for number in whole]),
                 policies=np.zeros(AVATARS, np.int16),
                 scales=scales,
                 stretches=stretches,
