@@ -39,6 +39,12 @@ def root_scaled(factor: float) -> Change:
     return lambda bvh: with_path(bvh, 0, path_of(bvh, 0) * factor)
 
 
+def in_metres(bvh: Bvh) -> Bvh:
+    """Write a file in metres instead of centimetres."""
+    small = replace(bvh, offsets=0.01 * bvh.offsets, end_offsets=0.01 * bvh.end_offsets)
+    return with_path(small, 0, 0.01 * path_of(bvh, 0))
+
+
 def root_exchanged(bvh: Bvh) -> Bvh:
     """Write the root's path with z up and all else with y up."""
     path = path_of(bvh, 0)
@@ -210,7 +216,7 @@ FAULTS: dict[str, tuple[str, Change]] = {
     "frame rate 4 times too low": ("time_base", lambda bvh: rate_of(0.25 * bvh.fps)(bvh)),
     "root in m, bones in cm": ("root_path", root_scaled(0.01)),
     "root in mm, bones in cm": ("root_path", root_scaled(10.0)),
-    "root in inches, bones in m": ("root_path", root_scaled(39.37)),
+    "root in inches, bones in m": ("root_path", lambda bvh: root_scaled(39.37)(in_metres(bvh))),
     "root with z up, bones with y up": ("root_path", root_exchanged),
     "root as displacements of each frame": ("root_path", root_displacements),
     "root steps": ("root_jumps", root_step),

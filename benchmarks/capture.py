@@ -1,6 +1,6 @@
 """How surely faults of capture are found, repaired, and not seen where there are none.
 
-    python benchmarks/capture.py [--json] [--quick] [--clips 60]
+    python benchmarks/capture.py [--json] [--quick] [--clips 30]
 
 Clean clips are those of the embedded boxer and, where CROWDSIM_MOCAP names a folder, the capture in it; and of each
 clip versions that are as clean: mirrored, scaled, rotated, re-timed. Faults are made in every clean clip. A fault
@@ -28,7 +28,7 @@ from crowdsim.core.types import Array
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.performer.session import perform
 
-LONGEST = 12.0
+LONGEST = 8.0
 """Time of each clip that is used [s]."""
 CLOSE = 0.04
 """Share of the body's height within which a repaired motion is that of the clean clip."""
@@ -136,7 +136,7 @@ def poses(capture: Capture, frames: slice) -> tuple[Array, Array]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", action="store_true", help="print JSON and nothing else")
-    parser.add_argument("--clips", type=int, default=60, help="clean clips, at the most")
+    parser.add_argument("--clips", type=int, default=30, help="clean clips, at the most")
     parser.add_argument("--kinds", help="kinds of faults, by commas; all by default")
     parser.add_argument("--quick", action="store_true", help="seconds: three clips")
     options = parser.parse_args()

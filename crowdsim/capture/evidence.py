@@ -25,6 +25,8 @@ _SMOOTH, _STEP = 0.02, 0.1
 """Widths of the smoothing of paths, and of what is looked at over the time of a step [s]."""
 _FLIES, _ABOVE = 0.045, 0.6
 """Heights over the floor of the lower sole and of the trunk of someone who flies [m]."""
+_TRUE = (0.3, 2.5)
+"""Bounds of ``Evidence.ratio`` over the ground, for a root in the unit of the bones."""
 _FLIGHT, _SAG = 6, 0.02
 """Frames that a flight has, at the least, and how much its path departs from a straight line [m]."""
 _COUNTED = 0.94
@@ -125,7 +127,13 @@ class Evidence:
 
     @cached_property
     def gravity(self) -> float | None:
-        """Median acceleration downward of the trunk while both feet are off the floor [1/s^2]; None without flights."""
+        """Median acceleration downward of the trunk while both feet are off the floor [1/s^2].
+
+        None without flights, or where the root does not travel as far as the feet push it: then it shows no gravity.
+        """
+        push, travel = (path[self.counted][:, [0, 2]] for path in (self.bearing, self.travel))
+        if not _TRUE[0] * np.sum(travel**2) < np.sum(push * travel) < _TRUE[1] * np.sum(travel**2):
+            return None
         low = self.soles[..., 1].min(axis=1)
         trunk = 0.5 * (self.at("pelvis") + self.at("chest"))[:, 1]
         floor = float(np.quantile(low, 0.1))
@@ -150,6 +158,12 @@ class Evidence:
     def relation(self) -> float:
         """Correlation of the root's velocity with that at which the feet that bear it stand still."""
         return correlation(self.bearing[self.counted], self.travel[self.counted])
+
+    @cached_property
+    def ratio(self) -> float:
+        """How much further the root would travel if feet that bear it stood still; below 1 where soles slide."""
+        push, travel = self.bearing[self.counted], self.travel[self.counted]
+        return float(np.sum(push * travel) / max(np.sum(travel**2), 1e-12))
 
     @cached_property
     def accelerations(self) -> Array:

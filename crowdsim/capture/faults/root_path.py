@@ -9,11 +9,11 @@ import numpy as np
 from crowdsim.capture.evidence import Evidence, correlation
 from crowdsim.capture.faults.diagnosis import Diagnosis, by_confidence
 from crowdsim.capture.reading import Reading
+from crowdsim.capture.units import UNITS
 from crowdsim.core.types import Array
 
-_FACTORS = (10.0, 100.0, 1000.0, 2.54, 25.4, 39.37, 3.281, 12.0)
-"""How many of one unit make another, among those in which motion is written."""
-_TOLERANCE = 1.9
+_FOOT = 0.3048
+_TOLERANCE, _FEWER = 2.6, 0.85
 """By which factor the measured ratio of units may differ from a known one."""
 _BIASED = 0.75
 """What the ratio comes out as where units agree: soles of capture slide."""
@@ -44,7 +44,7 @@ class RootPath:
         push, velocity = evidence.bearing[counted], evidence.travel[counted]
         if np.linalg.norm(push, axis=1).mean() < 0.02:
             return None
-        ratio = float(np.sum(push * velocity) / max(np.sum(velocity**2), 1e-12)) / _BIASED
+        ratio = evidence.ratio / _BIASED
         if relation > (_RELATED if 1.0 / _FAR < ratio < _FAR else _HARDLY):
             return _of_units(reading, ratio, relation)
         return _of_displacements(reading, evidence, counted, relation) or _of_axes(reading, evidence, push, velocity)
@@ -55,10 +55,18 @@ def _of_units(reading: Reading, ratio: float, relation: float) -> Diagnosis | No
         return None
     amount = f"{ratio:.3g} times too little" if ratio > 1.0 else f"{1.0 / ratio:.3g} times too far"
     what = f"the root travels {amount} for the feet"
-    known = [factor**sign for factor in _FACTORS for sign in (1, -1)]
-    factor = min(known, key=lambda one: abs(np.log(ratio / one)))
-    if max(ratio / factor, factor / ratio) > _TOLERANCE:
+    # Soles slide in most capture, so that the measured ratio is too low by as much: the feet decide between units.
+    tried = []
+    for unit in (*UNITS.values(), _FOOT):
+        factor = unit / (reading.scale or 1.0)
+        if max(ratio / factor, factor / ratio) < _TOLERANCE:
+            read = reading.with_path(reading.path * factor)
+            if read.evidence is not None:
+                tried.append((read.evidence.unrest, factor, read))
+    tried.sort(key=lambda one: one[0])
+    if not tried or (len(tried) > 1 and tried[0][0] > _FEWER * tried[1][0]):
         return Diagnosis("root_path", what, 0.9, "refuse")
+    _, factor, read = tried[0]
     confidence = 0.97 if relation > 0.7 else 0.92
     return Diagnosis(
         "root_path",
@@ -66,7 +74,7 @@ def _of_units(reading: Reading, ratio: float, relation: float) -> Diagnosis | No
         confidence,
         by_confidence(confidence),
         f"they are multiplied by {factor:.4g}",
-        lambda: reading.with_path(reading.path * factor),
+        lambda: read,
     )
 
 

@@ -30,7 +30,6 @@ _READINGS = {
     "microseconds": lambda value: 1e6 / value,
     "frames per second": lambda value: value,
     "thousands of seconds": lambda value: 1e-3 / value,
-    "frames per millisecond": lambda value: 1e3 * value,
 }
 """Frames a second by what a number after ``Frame Time:`` may be."""
 FALLBACK = 30.0

@@ -1,0 +1,82 @@
+"""How a body moves: gravity in flight, feet that bear it, and windows of long clips."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crowdsim.bvh.io import from_clip, write_bvh
+from crowdsim.capture.evidence import gather_evidence
+from crowdsim.capture.loading import load_capture
+from crowdsim.motion.body import HEIGHT
+from crowdsim.motion.measuring import measure_body
+from crowdsim.performer.session import perform
+
+
+@pytest.fixture(scope="module")
+def boxer():
+    return perform(20.0, 1)[0].clip.sliced(60, 660)
+
+
+def evidence_of(clip):
+    return gather_evidence(clip, measure_body(clip))
+
+
+def hopping(clip, gravity: float):
+    """The clip with a hop of half a second in every second, in which what is in the air falls by ``gravity``."""
+    seconds = np.arange(clip.frame_count) / clip.fps % 1.0
+    up = np.where(seconds < 0.5, 0.5 * gravity * seconds * (0.5 - seconds), 0.0)
+    return replace(clip, root_positions=clip.root_positions + up[:, None] * np.array([0.0, 1.0, 0.0]))
+
+
+@pytest.mark.parametrize("gravity", [9.81, 25.0])
+def test_what_is_in_the_air_falls_as_it_was_made_to(boxer, gravity):
+    evidence = evidence_of(hopping(boxer, gravity))
+    assert evidence.gravity == pytest.approx(gravity * HEIGHT / measure_body(boxer).height, rel=0.12)
+
+
+def test_without_flights_there_is_no_gravity(boxer):
+    assert evidence_of(boxer).gravity is None
+
+
+def test_a_clock_that_is_four_times_too_slow_shows_in_flight_and_the_true_rate_is_named(boxer, tmp_path):
+    clip = hopping(boxer, 9.81)
+    write_bvh(tmp_path / "clip.bvh", from_clip(clip))
+    assert load_capture(tmp_path / "clip.bvh").findings == ()
+    write_bvh(tmp_path / "clip.bvh", from_clip(replace(clip, fps=15.0)))
+    (finding,) = load_capture(tmp_path / "clip.bvh").faults
+    assert finding.startswith("time_base: frame time 0.0666667 means 15 frames a second")
+    rate = int(finding.partition("as on earth at about ")[2].split()[0])
+    assert rate == pytest.approx(60, abs=5)
+
+
+def test_the_root_of_a_clean_clip_follows_the_feet_that_bear_it_and_that_of_another_clip_does_not(boxer):
+    evidence = evidence_of(boxer)
+    assert evidence.relation > 0.8
+    assert evidence.unrest < 0.1
+    other = replace(boxer, root_positions=boxer.root_positions[::-1])
+    assert evidence_of(other).relation < 0.3
+
+
+def test_knees_and_toes_point_ahead_and_in_a_mirror_image_with_its_names_kept_back(boxer):
+    evidence = evidence_of(boxer)
+    assert evidence.toe_sense > 0.6
+    assert evidence.knee_sense > 0.1
+
+
+def test_a_long_clip_is_looked_at_in_windows_without_steps_between_them(boxer):
+    times = -(-24_000 // boxer.frame_count)
+    long = replace(
+        boxer,
+        rotations=np.tile(boxer.rotations, (times, 1, 1)),
+        root_positions=np.tile(boxer.root_positions, (times, 1)),
+    )
+    evidence = evidence_of(long)
+    assert len(evidence.frames) == 20_000
+    seams = np.flatnonzero(np.diff(evidence.frames) != 1)
+    assert len(seams) == 9
+    assert not evidence.inside[seams].any()
+    assert not evidence.inside[seams + 1].any()
+    assert len(evidence.speeds) == 20_000 - 10
