@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,6 +43,7 @@ class Skin:
         parents: Parent of each joint. Shape (J,), int64.
         positions: Of joints and helpers in the binding pose [m]. Shape (J + 4, 3).
         rotations: Shape (J + 4, 4).
+        offsets: Of joints in the frames of their parents [m]. Shape (J, 3).
         axes: Along which bones grow longer, in the frames of joints. Shape (J + 4, 3).
         thickens: Which are thicker the greater the girth. Shape (J + 4,), bool.
         girth: Girth of an avatar whose skin this is as it is.
@@ -57,27 +59,46 @@ class Skin:
     parents: Array
     positions: Array
     rotations: Array
+    offsets: Array
     axes: Array
     thickens: Array
     girth: float
 
-    def inverse_bindings(self, scale: float, girth: float, lengths: Array) -> Array:
-        """Return what takes the skin into the frames of joints and helpers, for an avatar.
+    def shaped(self, girth: float, lengths: Array) -> Skin:
+        """Return the skin of an avatar of another girth and other lengths of bones, in the same binding pose.
 
         Args:
-            scale: Size of the body.
             girth: How thick its trunk and limbs are.
-            lengths: How long the bones of each joint are for that size. Shape (J,).
-
-        Returns:
-            Shape (J + 4, 3, 4).
+            lengths: How long the bones of each joint are for the size of its body. Shape (J,).
         """
-        lengths = np.concatenate([lengths, 0.5 * (lengths[self.parents[self.helpers]] + lengths[self.helpers])])
-        wide = np.where(self.thickens, girth / self.girth, 1.0)[:, None, None]
-        long = np.where(self.thickens, lengths, 1.0)[:, None, None]
-        along = self.axes[:, :, None] * self.axes[:, None, :]
-        grown = scale * (wide * np.eye(3) + (long - wide) * along)
-        turned = grown @ _matrices(quaternion.conjugate(self.rotations))
+        own, joints = girth / self.girth, len(self.parents)
+        if own == 1.0 and (lengths == 1.0).all():
+            return self
+        positions = self.positions.copy()
+        for joint, parent in enumerate(self.parents):
+            if parent >= 0:
+                bone = quaternion.rotate(self.rotations[parent], self.offsets[joint] * lengths[parent])
+                positions[joint] = positions[parent] + bone
+        positions[joints:] = positions[self.helpers]
+        long = np.append(lengths, 0.5 * (lengths[self.parents[self.helpers]] + lengths[self.helpers]))
+        wide, long = (np.where(self.thickens, value, 1.0)[:, None, None] for value in (own, long))
+        ways = quaternion.rotate(self.rotations, self.axes)
+        grown = wide * np.eye(3) + (long - wide) * ways[:, :, None] * ways[:, None, :]
+        moves = positions - np.einsum("kij,kj->ki", grown, self.positions)
+        vertices = np.zeros((len(self.vertices), 3))
+        normals = np.zeros_like(vertices)
+        steep = np.linalg.inv(grown)
+        for column in range(self.joints.shape[1]):
+            joint, weight = self.joints[:, column], self.weights[:, column, None]
+            vertices += weight * (np.einsum("vij,vj->vi", grown[joint], self.vertices) + moves[joint])
+            normals += weight * np.einsum("vij,vj->vi", steep[joint], self.normals)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        shape = vertices.astype(np.float32), normals.astype(np.float32)
+        return replace(self, vertices=shape[0], normals=shape[1], positions=positions, girth=girth)
+
+    def inverse_bindings(self) -> Array:
+        """Return what takes the skin into the frames of joints and helpers. Shape (J + 4, 3, 4)."""
+        turned = _matrices(quaternion.conjugate(self.rotations))
         return np.concatenate([turned, -turned @ self.positions[:, :, None]], axis=2)
 
     def helper_rotations(self, rotations: Array) -> Array:
@@ -91,31 +112,39 @@ class Skin:
         half[..., 0] += 1.0
         return np.asarray(quaternion.normalise(half))
 
-    def pose(
-        self, positions: Array, rotations: Array, bindings: Array, threads: int = 1
-    ) -> tuple[Array, Array]:
-        """Return the vertices (n, V, 3) [m] and normals (n, V, 3) of avatars, float32.
+    def matrices(self, positions: Array, rotations: Array, scales: Array) -> Array:
+        """Return what takes the skin into the world, for joints and helpers of avatars. Shape (n, J + 4, 3, 4), float32.
 
         Args:
             positions: Of joints in the world [m]. Shape (n, J, 3).
             rotations: Of joints in the world. Shape (n, J, 4).
-            bindings: What ``inverse_bindings`` returns for each. Shape (n, J + 4, 3, 4).
-            threads: Threads.
+            scales: Sizes of the bodies. Shape (n,).
         """
         above = self.parents[self.helpers]
-        relative = np.zeros((len(rotations), int(self.helpers.max()) + 1, 4))
-        relative[:, self.helpers] = quaternion.multiply(
+        local = np.zeros((len(rotations), len(self.parents), 4))
+        local[:, self.helpers] = quaternion.multiply(
             quaternion.conjugate(rotations[:, above]), rotations[:, self.helpers]
         )
-        halves = quaternion.multiply(rotations[:, above], self.helper_rotations(relative))
-        places = np.concatenate([positions, positions[:, self.helpers]], axis=1)
+        halves = quaternion.multiply(rotations[:, above], self.helper_rotations(local))
         turned = _matrices(np.concatenate([rotations, halves], axis=1))
-        matrices = turned @ bindings
-        matrices[..., 3] += places
-        out = [np.empty((len(positions), len(self.vertices), 3), np.float32) for _ in range(2)]
-        share(len(positions), skin_vertices, matrices.astype(np.float32), self.joints, self.weights, self.vertices,
-              self.normals, *out, threads=threads, least=1)  # fmt: skip
-        return out[0], out[1]
+        result = np.asarray(scales, float)[:, None, None, None] * turned @ self.inverse_bindings()
+        result[..., 3] += np.concatenate([positions, positions[:, self.helpers]], axis=1)
+        return result.astype(np.float32)
+
+
+def pose_skins(skins: Sequence[Skin], matrices: Array, threads: int = 1) -> tuple[Array, Array]:
+    """Return the vertices (n, V, 3) [m] and normals (n, V, 3) in the world of avatars of one build, float32.
+
+    Args:
+        skins: Skin of each avatar.
+        matrices: What ``Skin.matrices`` returns, a row an avatar. Shape (n, J + 4, 3, 4).
+        threads: Threads.
+    """
+    out = [np.empty((len(skins), len(skins[0].vertices), 3), np.float32) for _ in range(2)]
+    vertices, normals = (np.stack([getattr(skin, name) for skin in skins]) for name in ("vertices", "normals"))
+    share(len(skins), skin_vertices, matrices, skins[0].joints, skins[0].weights, vertices, normals, *out,
+          threads=threads, least=1)  # fmt: skip
+    return out[0], out[1]
 
 
 _skins: dict[bytes, Skin] = {}
@@ -187,6 +216,7 @@ def _build(skeleton: Skeleton, body: Body, build: Build, poses: Array | None) ->
         parents=parents,
         positions=np.concatenate([binding.positions, binding.positions[helpers]]),
         rotations=np.concatenate([binding.rotations, binding.rotations[above]]),
+        offsets=np.asarray(skeleton.offsets, float),
         axes=np.concatenate([axes, mean / np.linalg.norm(mean, axis=1, keepdims=True)]),
         thickens=np.append(thickens, thickens[helpers]),
         girth=GIRTHS[build.kind],
