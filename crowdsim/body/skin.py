@@ -22,6 +22,8 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
 from crowdsim.motion.skeleton import Skeleton
 
+HELPERS = 4
+"""Helper joints, at elbows and knees."""
 _SPACING = 0.0145
 """Of the grid on which the skin is found, for a body of the usual size [m]."""
 
