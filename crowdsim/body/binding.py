@@ -94,7 +94,9 @@ def bind(skeleton: Skeleton, body: Body, poses: Array | None = None) -> Binding:
         hip, knee, foot = (f"{side}_{role}" for role in ("hip", "knee", "foot"))
         lowered = _unit([sign * np.cos(_LOWERED), -np.sin(_LOWERED), _AHEAD])
         turn(roles[shoulder], quaternion.between(way(shoulder, elbow), lowered))
-        turn(roles[hip], quaternion.between(way(hip, knee), _unit([sign * np.sin(_APART), -np.cos(_HIP), np.sin(_HIP)])))
+        turn(
+            roles[hip], quaternion.between(way(hip, knee), _unit([sign * np.sin(_APART), -np.cos(_HIP), np.sin(_HIP)]))
+        )
         for upper, middle, end, bent, usual, names in (
             (shoulder, elbow, hand, _ELBOW, [0.0, 0.0, 1.0], ("upper_arm", "forearm")),
             (hip, knee, foot, _KNEE, [0.0, 0.0, -1.0], ("thigh", "shank")),
@@ -148,8 +150,8 @@ def _upright(skeleton: Skeleton, body: Body, poses: Array | None) -> SimpleNames
     rotations[..., 0] = 1.0
     if poses is not None:
         rotations = np.concatenate([rotations, np.asarray(poses, np.float32)])
-    positions, turned = (np.asarray(values, float) for values in
-                         forward_kinematics(skeleton, np.zeros((len(rotations), 3), np.float32), rotations))  # fmt: skip
+    posed = forward_kinematics(skeleton, np.zeros((len(rotations), 3), np.float32), rotations)
+    positions, turned = (np.asarray(values, float) for values in posed)
     tall = positions[:, roles["head"], 1] - positions[:, [roles["left_foot"], roles["right_foot"]], 1].max(axis=1)
     best = 0 if tall[0] > least else int(np.argmax(tall))
     if tall[best] < 0.6 * body.height:
@@ -197,7 +199,11 @@ def _of_matrix(matrix: Array) -> Array:
     products = np.concatenate([[[np.trace(matrix)]], np.zeros((1, 3))], axis=1)
     whole = np.zeros((4, 4))
     whole[0, 0] = products[0, 0]
-    whole[0, 1:] = whole[1:, 0] = [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
+    whole[0, 1:] = whole[1:, 0] = [
+        matrix[2, 1] - matrix[1, 2],
+        matrix[0, 2] - matrix[2, 0],
+        matrix[1, 0] - matrix[0, 1],
+    ]
     whole[1:, 1:] = matrix + matrix.T - np.trace(matrix) * np.eye(3)
     _, vectors = np.linalg.eigh(whole)
     best = vectors[:, -1]

@@ -14,7 +14,16 @@ _GOLDEN = 0.6180339887498949
 _HUES = (0.995, 0.605, 0.12, 0.40, 0.77, 0.53, 0.065, 0.90, 0.25, 0.69)
 _SKINS = ((0.87, 0.66, 0.53), (0.76, 0.55, 0.42), (0.58, 0.40, 0.29), (0.40, 0.27, 0.20), (0.82, 0.61, 0.47))
 _HAIR = ((0.09, 0.07, 0.06), (0.17, 0.11, 0.07), (0.06, 0.05, 0.05), (0.30, 0.20, 0.11), (0.24, 0.15, 0.09))
-_ROUGHNESS = {"skin": 0.55, "lips": 0.45, "eyes": 0.15, "hair": 0.75, "brows": 0.8, "gloves": 0.35, "shoes": 0.5}
+_ROUGHNESS = {
+    "skin": 0.55,
+    "lips": 0.45,
+    "eyes": 0.3,
+    "pupils": 0.15,
+    "hair": 0.75,
+    "brows": 0.8,
+    "gloves": 0.35,
+    "shoes": 0.5,
+}
 _USUAL_ROUGHNESS = 0.85
 
 
@@ -39,7 +48,8 @@ def colours(avatar: int, team: int, colour: Array | None = None) -> Array:
     cloth = np.array(colorsys.hsv_to_rgb(hue, strong, bright))
     light = np.array(colorsys.hsv_to_rgb(hue, 0.12 * strong, 0.92))
     of = {
-        "skin": skin, "hair": hair, "brows": hair, "eyes": (0.04, 0.035, 0.03), "lips": skin * (0.86, 0.66, 0.66),
+        "skin": skin, "hair": hair, "brows": hair, "eyes": (0.80, 0.78, 0.75), "pupils": (0.06, 0.04, 0.03),
+        "lips": skin * (0.86, 0.66, 0.66),
         "top": cloth, "shorts": cloth, "band": light, "gloves": cloth * 0.96, "cuffs": light,
         "shoes": (0.10, 0.10, 0.115), "soles": (0.85, 0.85, 0.83),
     }  # fmt: skip

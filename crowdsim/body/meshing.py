@@ -57,7 +57,10 @@ def surface_nets(values: Array, low: Array, spacing: float) -> tuple[Array, Arra
 
 
 def _unambiguous(inside: Array) -> Array:
-    """Fill squares and cubes of the grid of which only opposite corners are inside: there a surface would touch itself."""
+    """Fill squares and cubes of the grid of which only opposite corners are inside.
+
+    A surface would touch itself there.
+    """
     inside = inside.copy()
     while True:
         found = 0
@@ -67,12 +70,14 @@ def _unambiguous(inside: Array) -> Array:
             faces = np.argwhere((a == d) & (b == c) & (a != b))
             found += len(faces)
             for u, v in ((0, 0), (1, 0), (0, 1), (1, 1)):
-                grid[tuple((faces + [0, u, v]).T)] = True
+                grid[tuple((faces + np.array([0, u, v])).T)] = True
         for x, y, z in _CORNERS[:4]:
             first = inside[x : x + inside.shape[0] - 1, y : y + inside.shape[1] - 1, z : z + inside.shape[2] - 1]
             total = sum(inside[p : p + first.shape[0], q : q + first.shape[1], r : r + first.shape[2]].astype(np.int8)
                         for p, q, r in _CORNERS)  # fmt: skip
-            last = inside[1 - x : 1 - x + first.shape[0], 1 - y : 1 - y + first.shape[1], 1 - z : 1 - z + first.shape[2]]
+            last = inside[
+                1 - x : 1 - x + first.shape[0], 1 - y : 1 - y + first.shape[1], 1 - z : 1 - z + first.shape[2]
+            ]
             cells = np.argwhere(((total == 2) & first & last) | ((total == 6) & ~first & ~last))
             found += len(cells)
             for corner in _CORNERS:
@@ -225,7 +230,8 @@ def cut(
         snap: Vertices that are nearer to the line than this share of an edge are moved onto it.
 
     Returns:
-        Vertices, those beyond the first V on the line; triangles; their numbers; and which are where values are positive.
+        Vertices, those beyond the first V on the line; triangles; their numbers; and which lie where values are
+        positive.
     """
     edges = mesh_edges(triangles)
     vertices, values = vertices.copy(), np.where(np.abs(values) < 1e-9, 1e-9, values)
@@ -239,7 +245,9 @@ def cut(
         order = order[near[order] < moves[edges[order, end]]]
         # The nearest comes last and stays.
         moves[edges[order, end]] = near[order]
-        goals[edges[order, end]] = (vertices[edges[:, 0]] + share[:, None] * (vertices[edges[:, 1]] - vertices[edges[:, 0]]))[order]
+        goals[edges[order, end]] = (
+            vertices[edges[:, 0]] + share[:, None] * (vertices[edges[:, 1]] - vertices[edges[:, 0]])
+        )[order]
     on = moves < snap
     vertices[on], values[on] = goals[on], 0.0
     a, b = values[edges[:, 0]], values[edges[:, 1]]
@@ -247,7 +255,9 @@ def cut(
     count = len(vertices)
     share = a[split] / (a[split] - b[split])
     ends = edges[split]
-    vertices = np.concatenate([vertices, vertices[ends[:, 0]] + share[:, None] * (vertices[ends[:, 1]] - vertices[ends[:, 0]])])
+    vertices = np.concatenate(
+        [vertices, vertices[ends[:, 0]] + share[:, None] * (vertices[ends[:, 1]] - vertices[ends[:, 0]])]
+    )
     values = np.concatenate([values, np.zeros(len(split))])
     middles = {(int(x), int(y)): count + number for number, (x, y) in enumerate(ends)}
     plain = np.ones(len(triangles), bool)
@@ -301,9 +311,7 @@ def unpinched(triangles: Array, part: Array) -> Array:
         part |= pinched[triangles].any(axis=1)
 
 
-def thicken(
-    vertices: Array, triangles: Array, part: Array, moves: Array
-) -> tuple[Array, Array, Array, Array]:
+def thicken(vertices: Array, triangles: Array, part: Array, moves: Array) -> tuple[Array, Array, Array, Array]:
     """Raise a part of a surface, with a rim around it, so that the whole stays closed.
 
     Args:

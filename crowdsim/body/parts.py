@@ -11,7 +11,9 @@ from crowdsim.body.binding import SIDES, Binding
 from crowdsim.body.meshing import cut, thicken, unpinched
 from crowdsim.core.types import Array
 
-SKIN_PARTS = ("skin", "hair", "brows", "eyes", "lips", "top", "shorts", "band", "gloves", "cuffs", "shoes", "soles")
+SKIN_PARTS = (
+    "skin", "hair", "brows", "eyes", "pupils", "lips", "top", "shorts", "band", "gloves", "cuffs", "shoes", "soles",
+)  # fmt: skip
 
 _HAIRLINE = {
     "male": ([-10, -7.5, -5.2, -4.2, -3.6, -3.0, -1.8, -0.4, 0.8, 1.8, 2.6, 3.4, 4.2, 5.2, 6.4, 8.0],
@@ -27,7 +29,9 @@ def wanted_lengths(binding: Binding, build: Build) -> Callable[[Array], Array]:
     size, segments = binding.size, binding.segments
     head = segments["head"].start
     spots = [(head + size * np.array([0.0, -0.02, 0.085]), 0.045, 0.0095), (head, 0.11, 0.0155)]
-    spots += [(head + size * np.array([out, up, 0.08]), 0.016, 0.0055) for out in (-0.031, 0.031) for up in (-0.0045, 0.0135)]
+    spots += [
+        (head + size * np.array([out, up, 0.08]), 0.016, 0.0055) for out in (-0.031, 0.031) for up in (-0.0045, 0.0135)
+    ]
     spots += [(head + size * np.array([out, -0.065, 0.083]), 0.010, 0.0075) for out in (-0.012, 0.012)]
     spots += [(head + size * np.array([out, -0.008, -0.012]), 0.028, 0.0115) for out in (-0.075, 0.075)]
     for side in SIDES:
@@ -64,7 +68,8 @@ def dress(
 
     Returns:
         Vertices; triangles; part of each triangle, an index into ``SKIN_PARTS``; and a function that raises clothes,
-        hair and shoes over the skin along normals and returns vertices, triangles, parts, and which vertex each copy was.
+        hair and shoes over the skin along normals and returns vertices, triangles, parts, and which vertex each
+        copy was.
     """
     lines = _lines(binding, build)
     parts = np.zeros(len(triangles), np.int64)
@@ -81,7 +86,9 @@ def dress(
             group = unpinched(made, np.isin(kinds, numbers))
             kinds = np.where(group & ~np.isin(kinds, numbers), numbers[0], kinds)
             if group.any():
-                vertices, made, owners, line = thicken(vertices, made, group, amount(vertices)[:, None] * normals[origins])
+                vertices, made, owners, line = thicken(
+                    vertices, made, group, amount(vertices)[:, None] * normals[origins]
+                )
                 kinds = np.concatenate([kinds, kinds[owners]])
                 origins = np.concatenate([origins, origins[line]])
         return vertices, made, kinds, origins
@@ -92,7 +99,8 @@ def dress(
 _UNDER = {
     name: [SKIN_PARTS.index(under) for under in unders]
     for name, unders in {
-        "hair": ("skin",), "brows": ("skin",), "eyes": ("skin",), "lips": ("skin",), "top": ("skin",), "shorts": ("skin",),
+        "hair": ("skin",), "brows": ("skin",), "eyes": ("skin",), "pupils": ("eyes",), "lips": ("skin",),
+        "top": ("skin",), "shorts": ("skin",),
         "band": ("shorts",), "gloves": ("skin",), "cuffs": ("gloves",), "shoes": ("skin",), "soles": ("shoes",),
     }.items()
 }  # fmt: skip
@@ -118,7 +126,9 @@ def _lines(binding: Binding, build: Build) -> list[tuple[str, Callable[[Array], 
         up, front, _ = _coordinates(binding, "head", points).T
         return 0.01 * (up - np.interp(front, *_HAIRLINE[build.sex]))
 
-    def blob(up: float, front: float, out: float, radii: tuple[float, float], tilt: float = 0.0) -> Callable[[Array], Array]:
+    def blob(
+        up: float, front: float, out: float, radii: tuple[float, float], tilt: float = 0.0
+    ) -> Callable[[Array], Array]:
         def value(points: Array) -> Array:
             u, f, o = _coordinates(binding, "head", points).T
             o = np.abs(o)
@@ -154,7 +164,10 @@ def _lines(binding: Binding, build: Build) -> list[tuple[str, Callable[[Array], 
         return both(distance)
 
     def shoe(side: str, points: Array) -> Array:
-        own, length = _coordinates(binding, f"{side}_shank", points), 100 * binding.segments[f"{side}_shank"].length / size
+        own, length = (
+            _coordinates(binding, f"{side}_shank", points),
+            100 * binding.segments[f"{side}_shank"].length / size,
+        )
         return np.minimum(own[:, 0] - 0.68 * length, 36.0 - np.hypot(own[:, 1], own[:, 2]))
 
     def sole(side: str, points: Array) -> Array:
@@ -163,6 +176,7 @@ def _lines(binding: Binding, build: Build) -> list[tuple[str, Callable[[Array], 
     lines: list[tuple[str, Callable[[Array], Array]]] = [
         ("hair", hair), ("shorts", shorts), ("band", band), ("shoes", both(shoe)), ("soles", both(sole)),
         ("eyes", blob(-0.45, 5.5, 3.15, (1.35, 0.62), 0.10)),
+        ("pupils", blob(-0.42, 5.5, 3.1, (0.55, 0.62))),
         ("brows", blob(1.35, 4.5, 3.3, (2.1, 0.42), -0.10)),
         ("lips", blob(-6.45, 5.0, 0.0, (2.5, 0.85))),
     ]  # fmt: skip

@@ -77,13 +77,13 @@ class Skin:
         if own == 1.0 and (lengths == 1.0).all():
             return self
         positions = self.positions.copy()
-        for joint, parent in enumerate(self.parents):
+        for index, parent in enumerate(self.parents):
             if parent >= 0:
-                bone = quaternion.rotate(self.rotations[parent], self.offsets[joint] * lengths[parent])
-                positions[joint] = positions[parent] + bone
+                bone = quaternion.rotate(self.rotations[parent], self.offsets[index] * lengths[parent])
+                positions[index] = positions[parent] + bone
         positions[joints:] = positions[self.helpers]
-        long = np.append(lengths, 0.5 * (lengths[self.parents[self.helpers]] + lengths[self.helpers]))
-        wide, long = (np.where(self.thickens, value, 1.0)[:, None, None] for value in (own, long))
+        longer = np.append(lengths, 0.5 * (lengths[self.parents[self.helpers]] + lengths[self.helpers]))
+        wide, long = (np.where(self.thickens, value, 1.0)[:, None, None] for value in (own, longer))
         ways = quaternion.rotate(self.rotations, self.axes)
         grown = wide * np.eye(3) + (long - wide) * ways[:, :, None] * ways[:, None, :]
         moves = positions - np.einsum("kij,kj->ki", grown, self.positions)
@@ -104,7 +104,7 @@ class Skin:
         return np.concatenate([turned, -turned @ self.positions[:, :, None]], axis=2)
 
     def helper_rotations(self, rotations: Array) -> Array:
-        """Return the rotations of helpers in the frames of their parents (..., 4, 4) from those of joints (..., J, 4)."""
+        """Return rotations of helpers in their parents' frames (..., 4, 4) from local ones of joints (..., J, 4)."""
         straight = quaternion.multiply(
             quaternion.conjugate(self.rotations[self.helpers]), self.rotations[self.parents[self.helpers]]
         )
@@ -115,7 +115,7 @@ class Skin:
         return np.asarray(quaternion.normalise(half))
 
     def matrices(self, positions: Array, rotations: Array, scales: Array) -> Array:
-        """Return what takes the skin into the world, for joints and helpers of avatars. Shape (n, J + 4, 3, 4), float32.
+        """Return what takes the skin into the world, by joints and helpers. Shape (n, J + 4, 3, 4), float32.
 
         Args:
             positions: Of joints in the world [m]. Shape (n, J, 3).

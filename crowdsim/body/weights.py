@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from crowdsim.body.binding import SIDES, Binding
@@ -47,7 +49,9 @@ def limb_shares(shapes: Shapes, names: list[str], binding: Binding, vertices: Ar
     return shares
 
 
-def bind_vertices(skeleton: Skeleton, body: Body, binding: Binding, vertices: Array, limbs: Array) -> tuple[Array, Array]:
+def bind_vertices(
+    skeleton: Skeleton, body: Body, binding: Binding, vertices: Array, limbs: Array
+) -> tuple[Array, Array]:
     """Return joints (V, 4), uint8, and weights (V, 4), float32, of vertices; helper h has the number J + h.
 
     Args:
@@ -108,7 +112,7 @@ def strongest(weights: Array) -> tuple[Array, Array]:
 
 
 def _bind_trunk(
-    weights: Array, share: Array, roles: dict[str, int], binding: Binding, parents: Array, vertices: Array
+    weights: Array, share: Array, roles: Mapping[str, int], binding: Binding, parents: Array, vertices: Array
 ) -> None:
     places, size = binding.positions, binding.size
     chain = [roles["head"]]
@@ -152,7 +156,7 @@ def _ramp(values: Array, low: float, high: float) -> Array:
 
 
 def bone_axes(skeleton: Skeleton, body: Body, binding: Binding) -> tuple[Array, Array]:
-    """Return the axis along which each joint's bones grow longer, in its frame (J, 3), and which joints thicken (J,)."""
+    """Return the axis of each joint's bones, in its frame (J, 3), and which joints thicken with girth (J,)."""
     roles = body.roles
     ways = np.tile([0.0, 1.0, 0.0], (skeleton.joint_count, 1))
     thickens = np.ones(skeleton.joint_count, bool)

@@ -47,6 +47,8 @@ _KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 _VERTICES, _INDICES = 34962, 34963
 _LARGEST = 2**32 - 1
 """Bytes of a binary glTF file at the most, whose header counts them in 32 bits."""
+_STILL = 1e-5
+"""By how much the quaternion of a joint that never moves may vary, which is what resampling leaves."""
 _POSES = 200
 """Poses from which a skin learns how its joints bend."""
 
@@ -90,6 +92,7 @@ class GltfSink:
         girths = np.asarray(take.cast.girths, float)
         self._builds = [usual_build(girth) for girth in girths] if builds is None else list(builds)
         self._places: dict[int, _Place] = {}
+        self._stills: dict[int, tuple[Array, Array]] = {}
         self._rows = 0
         self._shared = _Shared(path, self._describe(there))
 
@@ -141,7 +144,7 @@ class GltfSink:
         self._shared.put(place.roots + 12 * first, roots.astype("<f4"))
         helpers = place.skin.helper_rotations(local)
         for rotations, last, kinds, at in (
-            (local, place.last[:-HELPERS], ROTATIONS, place.joints),
+            (local[:, place.moving], place.last[:-HELPERS], ROTATIONS, place.joints),
             (helpers.astype(np.float32), place.last[-HELPERS:], _HELPERS, place.helpers),
         ):
             dtype, one = kinds[self._rotations]
@@ -199,6 +202,8 @@ class GltfSink:
             names_ = [*skeleton.names, *(f"{skeleton.names[joint]}Half" for joint in skin.helpers)]
             local = quaternion.multiply(quaternion.conjugate(skin.rotations[parents]), skin.rotations)
             local[0] = skin.rotations[0]
+            moving, still = self._moving(policy)
+            local[:joints][~moving] = still[~moving]
             for joint in range(joints + HELPERS):
                 below = [first + 1 + child for child, parent in enumerate(parents) if parent == joint]
                 w, x, y, z = (float(value) for value in local[joint].astype(np.float32))
@@ -229,13 +234,17 @@ class GltfSink:
             document.json["scenes"][0]["nodes"] += [first, len(document.nodes) - 1]
             kinds = ROTATIONS[self._rotations], _HELPERS[self._rotations]
             root, where = document.reserve(self._frames, 1, "<f4", 3)
-            place = _Place(skin, where, 0, 0, np.zeros(3), np.tile([1.0, 0.0, 0.0, 0.0], (joints + HELPERS, 1)))
+            last = np.tile([1.0, 0.0, 0.0, 0.0], (int(moving.sum()) + HELPERS, 1))
+            place = _Place(skin, moving, where, 0, 0, np.zeros(3), last)
             animate(first + 1, "translation", root[0])
-            for at, count, (dtype, _), slot in ((0, joints, kinds[0], "joints"), (joints, HELPERS, kinds[1], "helpers")):
-                outputs, where = document.reserve(self._frames, count, dtype, 4)
+            halves = np.arange(joints, joints + HELPERS)
+            for animated, (dtype, _), slot in zip(
+                (np.flatnonzero(moving), halves), kinds, ("joints", "helpers"), strict=True
+            ):
+                outputs, where = document.reserve(self._frames, len(animated), dtype, 4)
                 setattr(place, slot, where)
-                for joint, output in enumerate(outputs):
-                    animate(first + 1 + at + joint, "rotation", output)
+                for joint, output in zip(animated, outputs, strict=True):
+                    animate(first + 1 + int(joint), "rotation", output)
             self._places[number] = place
             if not rows.all():
                 changes = np.append(0, np.flatnonzero(np.diff(rows)) + 1)
@@ -247,6 +256,27 @@ class GltfSink:
         document.json["scenes"][0]["name"] = str(take.scenario)
         return document
 
+    def _moving(self, policy: int) -> tuple[Array, Array]:
+        """Which joints of a policy are animated (J,), and the rotation of those that never move (J, 4).
+
+        Fingers, eyes and the like, beyond the hands and the head, are left out where motion never moves them: poses
+        are not changed there.
+        """
+        if policy not in self._stills:
+            database = self._sampler.policies[policy].database
+            parents = database.skeleton.parents
+            moving, still = np.ones(len(parents), bool), np.zeros((len(parents), 4))
+            ends = [database.body.roles[role] for role in ("head", "left_hand", "right_hand")]
+            beyond = np.zeros(len(parents), bool)
+            for joint, parent in enumerate(parents):
+                beyond[joint] = parent >= 0 and (beyond[parent] or parent in ends)
+            for joint in np.flatnonzero(beyond):
+                own = np.asarray(database.rotations[:, joint])
+                moving[joint] = bool(np.ptp(own, axis=0).max() > _STILL)
+                still[joint] = own[0]
+            self._stills[policy] = moving, still
+        return self._stills[policy]
+
     def _add_skin(
         self, document: _Document, policy: int, build: Build, girth: float, lengths: Array, known: dict[Any, Any]
     ) -> tuple[Skin, dict[str, int], list[tuple[int, int]]]:
@@ -257,7 +287,10 @@ class GltfSink:
         skin = build_skin(database.skeleton, database.body, build, some).shaped(girth, lengths)
         alike = next((value for key, value in known.items() if key[:2] == (policy, build)), None)
         if alike is None:
-            shared = {"JOINTS_0": document.add(skin.joints, _VERTICES), "WEIGHTS_0": document.add(skin.weights, _VERTICES)}
+            shared = {
+                "JOINTS_0": document.add(skin.joints, _VERTICES),
+                "WEIGHTS_0": document.add(skin.weights, _VERTICES),
+            }
             primitives = [
                 (int(part), document.add(skin.triangles[skin.parts == part].astype("<u2").ravel(), _INDICES))
                 for part in np.unique(skin.parts)
@@ -303,6 +336,7 @@ class _Place:
     """Where the frames of an avatar lie in the file, and how its last one ended."""
 
     skin: Skin
+    moving: Array
     roots: int
     joints: int
     helpers: int
@@ -332,7 +366,9 @@ class _Document:
     def add(self, values: Array, target: int | None = None, limits: bool = False) -> int:
         """Add an array, a row an element, and return its accessor."""
         values = np.ascontiguousarray(values)
-        (accessor,), _ = self.reserve(len(values), 1, values.dtype.str, 1 if values.ndim == 1 else values.shape[1], target)
+        (accessor,), _ = self.reserve(
+            len(values), 1, values.dtype.str, 1 if values.ndim == 1 else values.shape[1], target
+        )
         self.constant.append((self.json["bufferViews"][-1]["byteOffset"], values.tobytes()))
         if limits:
             columns = values.reshape(len(values), -1)
@@ -340,7 +376,9 @@ class _Document:
             self.json["accessors"][accessor]["max"] = [float(value) for value in columns.max(axis=0)]
         return accessor
 
-    def reserve(self, length: int, count: int, dtype: str, width: int, target: int | None = None) -> tuple[list[int], int]:
+    def reserve(
+        self, length: int, count: int, dtype: str, width: int, target: int | None = None
+    ) -> tuple[list[int], int]:
         """Reserve place for some accessors of one length, one after the other; return them and where they begin."""
         dtype, start = np.dtype(dtype).str, self.size
         each = length * width * np.dtype(dtype).itemsize
@@ -402,7 +440,7 @@ class _Shared:
         if self._file is not None:
             return
         try:
-            self._file = open(self._partial, "xb", buffering=0)
+            self._file = open(self._partial, "xb", buffering=0)  # noqa: SIM115 - it stays open
             self._file.truncate(self._size)
         except OSError as error:
             raise self._failed(error) from error
@@ -413,7 +451,7 @@ class _Shared:
     def put(self, at: int, data: bytes | Array) -> None:
         """Write data at its place among the binary data."""
         assert self._file is not None
-        rest = memoryview(data).cast("B")
+        rest = memoryview(data).cast("B")  # type: ignore[arg-type]
         try:
             with self._lock:
                 self._file.seek(len(self._head) + at)

@@ -4,7 +4,6 @@ import json
 import shutil
 import struct
 import subprocess
-from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -33,7 +32,10 @@ WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 @pytest.fixture(scope="module")
 def sampler(tiny_policy: Path, tmp_path_factory: pytest.TempPathFactory):
     folder = tmp_path_factory.mktemp("take")
-    types = {"boxer": {"policy": "tiny"}, "large": {"policy": "tiny", "scale": 1.2, "legs": 1.1, "arms": 0.9, "girth": 1.2}}
+    types = {
+        "boxer": {"policy": "tiny"},
+        "large": {"policy": "tiny", "scale": 1.2, "legs": 1.1, "arms": 0.9, "girth": 1.2},
+    }
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tiny_policy.parent.parent)
         scenario = load_scenario(write_scene(folder / "coming.yaml", **{**COMING, "types": types}))
@@ -91,7 +93,9 @@ class Scene:
         bindings = self.values(skin.inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
         matrices = world[skin.joints] @ bindings
         attributes = mesh.primitives[0].attributes
-        vertices = np.hstack([self.values(attributes.POSITION), np.ones((self.gltf.accessors[attributes.POSITION].count, 1))])
+        vertices = np.hstack(
+            [self.values(attributes.POSITION), np.ones((self.gltf.accessors[attributes.POSITION].count, 1))]
+        )
         joints, weights = self.values(attributes.JOINTS_0), self.values(attributes.WEIGHTS_0)
         moved = np.einsum("vk,vkij,vj->vi", weights, matrices[joints], vertices)
         return world[skin.joints][:, :3, 3], moved[:, :3]
@@ -178,13 +182,13 @@ def test_roots_of_the_scene_are_skins_and_trees_of_joints(sampler: PoseSampler, 
     assert len(scene.gltf.animations) == 1
 
 
-def test_a_file_that_fails_leaves_nothing(sampler: PoseSampler, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_fails_leaves_nothing(
+    sampler: PoseSampler, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(gltf, "_LARGEST", 1000)
     with pytest.raises(OutputError, match=r"crowd\.glb: would have .* GB, glTF files have at most 4\.3"):
         write_gltf(sampler, tmp_path / "crowd.glb", fps=30)
     monkeypatch.undo()
-    broken = replace(sampler.take)
-    assert broken is not sampler.take
 
     def fails(*_: object) -> None:
         raise OSError(28, "No space left on device")
@@ -200,13 +204,16 @@ def test_a_file_that_fails_leaves_nothing(sampler: PoseSampler, tmp_path: Path, 
 def test_the_validator_reports_nothing(sampler: PoseSampler, tmp_path: Path, rotations: str) -> None:
     if shutil.which("npm") is None or shutil.which("node") is None:
         pytest.skip("npm is not installed")
-    done = subprocess.run(["npm", "install", "--prefix", str(tmp_path), "gltf-validator@2.0.0-dev.3.10"], capture_output=True)
+    done = subprocess.run(
+        ["npm", "install", "--prefix", str(tmp_path), "gltf-validator@2.0.0-dev.3.10"], capture_output=True
+    )
     if done.returncode:
         pytest.skip("npm has no gltf-validator")
     (path,) = write_gltf(sampler, tmp_path / "crowd.glb", fps=FPS, rotations=rotations)
     code = (
         "const v=require('gltf-validator'),f=require('fs');"
-        "v.validateBytes(new Uint8Array(f.readFileSync(process.argv[1]))).then(r=>console.log(JSON.stringify(r.issues)))"
+        "v.validateBytes(new Uint8Array(f.readFileSync(process.argv[1])))"
+        ".then(r=>console.log(JSON.stringify(r.issues)))"
     )
     report = subprocess.run(["node", "-e", code, str(path)], cwd=tmp_path, capture_output=True, text=True, check=True)
     issues = json.loads(report.stdout)

@@ -1,0 +1,41 @@
+"""Opens a crowd in Blender at its own rate, and prints what is there.
+
+    blender --python docs/blender_import.py -- crowd.glb
+    python docs/blender_import.py crowd.glb          # with the package bpy
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+import sys
+from fractions import Fraction
+
+import bpy
+
+
+def crowd_rate(path: str) -> Fraction:
+    """Return the rate that a file of crowdsim was written at."""
+    with open(path, "rb") as file:
+        length = struct.unpack("<12xI4x", file.read(20))[0]
+        document = json.loads(file.read(length))
+    return Fraction(document["scenes"][0]["extras"]["fps"])
+
+
+def open_crowd(path: str) -> None:
+    """Replace the scene by a crowd; frame 1 of the time line is the first frame of the file."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    rate, render = crowd_rate(path), bpy.context.scene.render
+    # The importer turns seconds into frames of the scene, whose rate must be right before.
+    render.fps = round(rate)
+    render.fps_base = render.fps / float(rate)
+    bpy.ops.import_scene.gltf(filepath=path)
+
+
+if __name__ == "__main__":
+    name = sys.argv[-1]
+    open_crowd(name)
+    kinds = [item.type for item in bpy.data.objects]
+    scene = bpy.context.scene
+    print(f"{name}: {kinds.count('ARMATURE')} armatures, {kinds.count('MESH')} meshes, ", end="")
+    print(f"{scene.render.fps / scene.render.fps_base:.3f} frames a second, {scene.frame_end} frames")
