@@ -70,6 +70,7 @@ class GltfSink:
     """
 
     kind = "glb"
+    reads_joints = False
     margin = 0
 
     def __init__(
