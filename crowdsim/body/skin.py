@@ -1,0 +1,243 @@
+"""A skinned body: built once for each skeleton and build, and carried by poses."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from crowdsim.body.anatomy import GIRTHS, Build, sculpt
+from crowdsim.body.binding import SIDES, Binding, bind
+from crowdsim.body.field import evaluate, sample
+from crowdsim.body.kernels import skin_vertices
+from crowdsim.body.meshing import refine, relax, surface_nets, thin, vertex_normals
+from crowdsim.body.parts import SKIN_PARTS, dress, wanted_lengths
+from crowdsim.body.weights import bending_joints, bind_vertices, bone_axes, limb_shares
+from crowdsim.core.types import Array
+from crowdsim.core.workers import share
+from crowdsim.motion import quaternion
+from crowdsim.motion.body import Body
+from crowdsim.motion.skeleton import Skeleton
+
+HELPERS = 4
+"""Helper joints, at elbows and knees."""
+_SPACING = 0.0145
+"""Of the grid on which the skin is found, for a body of the usual size [m]."""
+
+
+@dataclass(frozen=True)
+class Skin:
+    """A skin in its binding pose, and what carries it; V vertices, F triangles, J joints and 4 helpers.
+
+    Helper h has the number J + h; it lies at an elbow or a knee and turns half as far.
+
+    Attributes:
+        vertices: In the binding pose, y up, facing +z [m]. Shape (V, 3), float32.
+        normals: Unit. Shape (V, 3), float32.
+        triangles: Outwards counter-clockwise, sorted by part. Shape (F, 3), int32.
+        parts: Index into ``parts.SKIN_PARTS`` of each triangle. Shape (F,), uint8.
+        joints: Which carry each vertex. Shape (V, 4), uint8.
+        weights: How much, adding up to 1. Shape (V, 4), float32.
+        helpers: Elbow or knee of each helper. Shape (4,), int64.
+        parents: Parent of each joint. Shape (J,), int64.
+        positions: Of joints and helpers in the binding pose [m]. Shape (J + 4, 3).
+        rotations: Shape (J + 4, 4).
+        offsets: Of joints in the frames of their parents [m]. Shape (J, 3).
+        axes: Along which bones grow longer, in the frames of joints. Shape (J + 4, 3).
+        thickens: Which are thicker the greater the girth. Shape (J + 4,), bool.
+        girth: Girth of an avatar whose skin this is as it is.
+    """
+
+    vertices: Array
+    normals: Array
+    triangles: Array
+    parts: Array
+    joints: Array
+    weights: Array
+    helpers: Array
+    parents: Array
+    positions: Array
+    rotations: Array
+    offsets: Array
+    axes: Array
+    thickens: Array
+    girth: float
+
+    def shaped(self, girth: float, lengths: Array) -> Skin:
+        """Return the skin of an avatar of another girth and other lengths of bones, in the same binding pose.
+
+        Args:
+            girth: How thick its trunk and limbs are.
+            lengths: How long the bones of each joint are for the size of its body. Shape (J,).
+        """
+        own, joints = girth / self.girth, len(self.parents)
+        if own == 1.0 and (lengths == 1.0).all():
+            return self
+        positions = self.positions.copy()
+        for index, parent in enumerate(self.parents):
+            if parent >= 0:
+                bone = quaternion.rotate(self.rotations[parent], self.offsets[index] * lengths[parent])
+                positions[index] = positions[parent] + bone
+        positions[joints:] = positions[self.helpers]
+        longer = np.append(lengths, 0.5 * (lengths[self.parents[self.helpers]] + lengths[self.helpers]))
+        wide, long = (np.where(self.thickens, value, 1.0)[:, None, None] for value in (own, longer))
+        ways = quaternion.rotate(self.rotations, self.axes)
+        grown = wide * np.eye(3) + (long - wide) * ways[:, :, None] * ways[:, None, :]
+        moves = positions - np.einsum("kij,kj->ki", grown, self.positions)
+        vertices = np.zeros((len(self.vertices), 3))
+        normals = np.zeros_like(vertices)
+        steep = np.linalg.inv(grown)
+        for column in range(self.joints.shape[1]):
+            joint, weight = self.joints[:, column], self.weights[:, column, None]
+            vertices += weight * (np.einsum("vij,vj->vi", grown[joint], self.vertices) + moves[joint])
+            normals += weight * np.einsum("vij,vj->vi", steep[joint], self.normals)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        shape = vertices.astype(np.float32), normals.astype(np.float32)
+        return replace(self, vertices=shape[0], normals=shape[1], positions=positions, girth=girth)
+
+    def inverse_bindings(self) -> Array:
+        """Return what takes the skin into the frames of joints and helpers. Shape (J + 4, 3, 4)."""
+        turned = _matrices(quaternion.conjugate(self.rotations))
+        return np.concatenate([turned, -turned @ self.positions[:, :, None]], axis=2)
+
+    def helper_rotations(self, rotations: Array) -> Array:
+        """Return rotations of helpers in their parents' frames (..., 4, 4) from local ones of joints (..., J, 4)."""
+        straight = quaternion.multiply(
+            quaternion.conjugate(self.rotations[self.helpers]), self.rotations[self.parents[self.helpers]]
+        )
+        bent = quaternion.multiply(np.asarray(rotations)[..., self.helpers, :], straight)
+        # Half of a rotation: the middle of it and none, on the shorter way.
+        half = bent * np.where(bent[..., :1] < 0.0, -1.0, 1.0)
+        half[..., 0] += 1.0
+        return np.asarray(quaternion.normalise(half))
+
+    def matrices(self, positions: Array, rotations: Array, scales: Array) -> Array:
+        """Return what takes the skin into the world, by joints and helpers. Shape (n, J + 4, 3, 4), float32.
+
+        Args:
+            positions: Of joints in the world [m]. Shape (n, J, 3).
+            rotations: Of joints in the world. Shape (n, J, 4).
+            scales: Sizes of the bodies. Shape (n,).
+        """
+        above = self.parents[self.helpers]
+        local = np.zeros((len(rotations), len(self.parents), 4))
+        local[:, self.helpers] = quaternion.multiply(
+            quaternion.conjugate(rotations[:, above]), rotations[:, self.helpers]
+        )
+        halves = quaternion.multiply(rotations[:, above], self.helper_rotations(local))
+        turned = _matrices(np.concatenate([rotations, halves], axis=1))
+        result = np.asarray(scales, float)[:, None, None, None] * turned @ self.inverse_bindings()
+        result[..., 3] += np.concatenate([positions, positions[:, self.helpers]], axis=1)
+        return result.astype(np.float32)
+
+
+def pose_skins(skins: Sequence[Skin], matrices: Array, threads: int = 1) -> tuple[Array, Array]:
+    """Return the vertices (n, V, 3) [m] and normals (n, V, 3) in the world of avatars of one build, float32.
+
+    Args:
+        skins: Skin of each avatar.
+        matrices: What ``Skin.matrices`` returns, a row an avatar. Shape (n, J + 4, 3, 4).
+        threads: Threads.
+    """
+    out = [np.empty((len(skins), len(skins[0].vertices), 3), np.float32) for _ in range(2)]
+    vertices, normals = (np.stack([getattr(skin, name) for skin in skins]) for name in ("vertices", "normals"))
+    share(len(skins), skin_vertices, matrices, skins[0].joints, skins[0].weights, vertices, normals, *out,
+          threads=threads, least=1)  # fmt: skip
+    return out[0], out[1]
+
+
+_skins: dict[bytes, Skin] = {}
+_building = threading.Lock()
+
+
+def build_skin(skeleton: Skeleton, body: Body, build: Build, poses: Array | None = None) -> Skin:
+    """Return the skin of a body, which is made on the first call with these arguments and kept.
+
+    Args:
+        skeleton: The skeleton [m].
+        body: The body on it.
+        build: What it is like.
+        poses: Local rotations of some poses, see ``binding.bind``. Shape (n, J, 4).
+
+    Raises:
+        MotionError: The rest pose is no upright body, and no pose is given that is.
+    """
+    digest = hashlib.sha256(repr((build, skeleton.names, sorted(body.roles.items()))).encode())
+    for array in (skeleton.parents, skeleton.offsets, body.sole_offsets, body.fist_offsets, body.head_offset, poses):
+        digest.update(b"" if array is None else np.ascontiguousarray(array).tobytes())
+    key = digest.digest()
+    with _building:
+        if key not in _skins:
+            _skins[key] = _build(skeleton, body, build, poses)
+        return _skins[key]
+
+
+def _build(skeleton: Skeleton, body: Body, build: Build, poses: Array | None) -> Skin:
+    binding = bind(skeleton, body, poses)
+    shapes, names = sculpt(binding, build)
+    spacing = _SPACING * binding.size
+    values, low = sample(shapes, spacing)
+    vertices, triangles = surface_nets(values, low, spacing)
+    vertices = relax(shapes, vertices, triangles, 2)
+    wanted = wanted_lengths(binding, build)
+    for _ in range(2):
+        vertices, triangles = refine(vertices, triangles, wanted)
+        vertices = relax(shapes, vertices, triangles, 1)
+    vertices, triangles = thin(vertices, triangles, wanted)
+    vertices = relax(shapes, vertices, triangles, 4)
+    for side in SIDES:
+        _flatten_sole(vertices, binding, f"{side}_foot")
+    vertices, triangles, _, raised = dress(vertices, triangles, binding, build)
+    limbs = limb_shares(shapes, names, binding, vertices, triangles)
+    joints, weights = bind_vertices(skeleton, body, binding, vertices, limbs)
+    _, smooth = evaluate(shapes, vertices)
+    vertices, triangles, parts, origins = raised(vertices, smooth)
+    # Normals of the field show more than triangles have, but soles are no part of it.
+    normals = vertex_normals(vertices, triangles)
+    true = np.setdiff1d(np.arange(len(vertices)), triangles[parts == SKIN_PARTS.index("soles")])
+    normals[true] = smooth[origins[true]]
+    order = np.argsort(parts, kind="stable")
+    triangles, parts = triangles[order], parts[order]
+    helpers = bending_joints(body)
+    parents = np.asarray(skeleton.parents, np.int64)
+    axes, thickens = bone_axes(skeleton, body, binding)
+    above = parents[helpers]
+    turned = quaternion.multiply(quaternion.conjugate(binding.rotations[above]), binding.rotations[helpers])
+    mean = quaternion.rotate(turned, axes[helpers]) + axes[above]
+    return Skin(
+        vertices=vertices.astype(np.float32),
+        normals=normals.astype(np.float32),
+        triangles=triangles.astype(np.int32),
+        parts=parts.astype(np.uint8),
+        joints=np.ascontiguousarray(joints[origins]),
+        weights=np.ascontiguousarray(weights[origins]),
+        helpers=helpers,
+        parents=parents,
+        positions=np.concatenate([binding.positions, binding.positions[helpers]]),
+        rotations=np.concatenate([binding.rotations, binding.rotations[above]]),
+        offsets=np.asarray(skeleton.offsets, float),
+        axes=np.concatenate([axes, mean / np.linalg.norm(mean, axis=1, keepdims=True)]),
+        thickens=np.append(thickens, thickens[helpers]),
+        girth=GIRTHS[build.kind],
+    )
+
+
+def _flatten_sole(vertices: Array, binding: Binding, name: str) -> None:
+    """Put what is under the sole of a foot onto it."""
+    segment = binding.segments[name]
+    heights = (vertices - segment.start) @ segment.axes[1]
+    under = (heights < 0.0) & (np.linalg.norm(vertices - segment.start, axis=1) < 2.5 * segment.length)
+    vertices[under] -= heights[under, None] * segment.axes[1]
+
+
+def _matrices(rotations: Array) -> Array:
+    """Rotation matrices (..., 3, 3) of quaternions."""
+    w, x, y, z = np.moveaxis(np.asarray(rotations, float), -1, 0)
+    return np.stack([
+        np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], axis=-1),
+        np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], axis=-1),
+        np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1),
+    ], axis=-2)  # fmt: skip

@@ -1,0 +1,535 @@
+"""Avatars of a take as one binary glTF 2.0 file: skinned bodies, one animation, metres, y up.
+
+Every size is known before the first pose, so that the description is written first and blocks of poses are put at
+their places; memory does not grow with the take. Each avatar has a tree of joints and a skinned mesh at the root of the
+scene; avatars of one build share vertices, and the matrices of each skin hold what is its own: size, girth, length of
+legs and arms. Helper joints ``...Half`` turn half as far as elbows and knees.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import os
+import struct
+import threading
+import uuid
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from crowdsim.body.anatomy import Build
+from crowdsim.body.looks import colours, linear, roughness, usual_build
+from crowdsim.body.parts import SKIN_PARTS
+from crowdsim.body.skin import HELPERS, Skin, build_skin
+from crowdsim.core.types import Array, Progress
+from crowdsim.crowd.events import OUTCOMES
+from crowdsim.errors import OutputError
+from crowdsim.export.gltf_kernels import pack_rotations
+from crowdsim.export.stream import Block, run_all, stream_poses
+from crowdsim.files import make_folder
+from crowdsim.motion import quaternion
+from crowdsim.motion.strikes import LIMBS
+from crowdsim.take.builds import build_skeleton
+from crowdsim.take.poses import Poses, PoseSampler
+
+ROTATIONS = {"float32": ("<f4", 1.0), "int16": ("<i2", 32767.0)}
+"""How rotations are stored, and what a one becomes."""
+_HELPERS = {"float32": ("<i2", 32767.0), "int16": ("i1", 127.0)}
+"""Helpers only move a fold of skin, for which fewer digits are enough."""
+_COMPONENTS = {"|i1": 5120, "|u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125, "<f4": 5126}
+_KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+_VERTICES, _INDICES = 34962, 34963
+_LARGEST = 2**32 - 1
+"""Bytes of a binary glTF file at the most, whose header counts them in 32 bits."""
+_STILL = 1e-5
+"""By how much the quaternion of a joint that never moves may vary, which is what resampling leaves."""
+_POSES = 200
+"""Poses from which a skin learns how its joints bend."""
+
+
+class GltfSink:
+    """Writes one ``.glb`` of avatars of a take; a ``Sink``.
+
+    Args:
+        sampler: Poses of the take.
+        path: The file.
+        fps: Output frames a second; times are exact for fractions such as 24000/1001.
+        frames: First output frame and one past the last; all when None.
+        avatars: Numbers of the avatars; all when None.
+        rotations: ``float32``, or ``int16``, which takes half the place.
+        builds: Build of each avatar of the take; by its girth when None.
+
+    Raises:
+        OutputError: The file would be larger than glTF files can be.
+    """
+
+    kind = "glb"
+    reads_joints = False
+    margin = 0
+
+    def __init__(
+        self,
+        sampler: PoseSampler,
+        path: Path,
+        fps: float | Fraction,
+        frames: tuple[int, int] | None = None,
+        avatars: Sequence[int] | Array | None = None,
+        rotations: str = "float32",
+        builds: Sequence[Build] | None = None,
+    ) -> None:
+        take = sampler.take
+        self.start, self.stop = frames or (0, take.output_frames(float(fps)))
+        numbers: Array = np.arange(take.avatar_count) if avatars is None else np.unique(np.asarray(avatars))
+        self._sampler, self._path, self._fps, self._rotations = sampler, path, Fraction(fps), rotations
+        there = {int(number): _presence(sampler, int(number), self.start, self.stop, float(fps)) for number in numbers}
+        there = {number: rows for number, rows in there.items() if rows.any()}
+        self.avatars: Array = np.array(list(there), np.int64)
+        girths = np.asarray(take.cast.girths, float)
+        self._builds = [usual_build(girth) for girth in girths] if builds is None else list(builds)
+        self._places: dict[int, _Place] = {}
+        self._stills: dict[int, tuple[Array, Array]] = {}
+        self._rows = 0
+        self._shared = _Shared(path, self._describe(there))
+
+    @property
+    def total(self) -> int:
+        """Number of avatars, as whose share of the frames progress counts."""
+        return len(self.avatars)
+
+    @property
+    def done(self) -> int:
+        """Share of the frames written so far."""
+        return self.total * self._rows // (self.stop - self.start)
+
+    def split(self, most: int) -> list[GltfSink]:
+        """Return sinks of a few avatars each that write into the same file, since each avatar's frames lie together."""
+        parts = []
+        for low in range(0, len(self.avatars), most):
+            part = copy.copy(self)
+            part.avatars = self.avatars[low : low + most]
+            parts.append(part)
+        self._shared.open = len(parts)
+        return parts
+
+    def write(self, block: Block, pool: ThreadPoolExecutor) -> None:
+        """Put a block of frames at its places."""
+        low, high = max(block.first_output, self.start), min(block.stop_output, self.stop)
+        rows = slice(low - block.first, high - block.first)
+        chosen = set(map(int, self.avatars))
+        work = [
+            (poses, column)
+            for poses in block.poses
+            for column in range(len(poses.avatars))
+            if int(poses.avatars[column]) in chosen
+        ]
+        self._shared.begin()
+        run_all(pool, lambda item: self._append(*item, rows, low - self.start), work)
+        self._rows = high - self.start
+
+    def _append(self, poses: Poses, column: int, rows: slice, first: int) -> None:
+        place = self._places[int(poses.avatars[column])]
+        local = poses.rotations[rows, column]
+        roots = poses.root_positions[rows, column].astype(np.float64) / float(poses.scales[column])
+        there = np.isfinite(roots[:, 0])
+        if not there.all():
+            # An absent avatar keeps the place that it had.
+            seen = np.maximum.accumulate(np.where(there, np.arange(len(roots)), -1))
+            roots = np.where(seen[:, None] < 0, place.root, roots[np.maximum(seen, 0)])
+        place.root = roots[-1]
+        self._shared.put(place.roots + 12 * first, roots.astype("<f4"))
+        helpers = place.skin.helper_rotations(local)
+        for rotations, last, kinds, at in (
+            (local[:, place.moving], place.last[:-HELPERS], ROTATIONS, place.joints),
+            (helpers.astype(np.float32), place.last[-HELPERS:], _HELPERS, place.helpers),
+        ):
+            dtype, one = kinds[self._rotations]
+            packed = np.empty((1, rotations.shape[1], len(roots), 4), dtype)
+            pack_rotations(0, 1, np.ascontiguousarray(rotations[:, None]), last[None], one, packed)
+            for joint in range(packed.shape[1]):
+                self._shared.put(at + 4 * packed.itemsize * (joint * self._frames + first), packed[0, joint])
+
+    @property
+    def _frames(self) -> int:
+        return self.stop - self.start
+
+    def close(self) -> list[Path]:
+        """Give the file its name when all parts are written, and return it."""
+        return self._shared.close()
+
+    def abandon(self) -> None:
+        """Remove what is half-written."""
+        self._shared.abandon()
+
+    def _describe(self, there: dict[int, Array]) -> _Document:
+        """Lay out the file: all that is in it but frames, and places for these."""
+        take, cast = self._sampler.take, self._sampler.take.cast
+        document = _Document()
+        times = document.add(_times(np.arange(self._frames), self._fps), limits=True)
+        skins: dict[tuple[Any, ...], tuple[Skin, dict[str, int], list[tuple[int, int]]]] = {}
+        channels: list[dict[str, Any]] = []
+        samplers: list[dict[str, Any]] = []
+        looks: dict[tuple[int, bytes], int] = {}
+
+        def animate(node: int, path: str, output: int, moments: int = times, steps: bool = False) -> None:
+            samplers.append({"input": moments, "output": output, **({"interpolation": "STEP"} if steps else {})})
+            channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
+
+        teams = [str(name) for name in getattr(cast, "team_names", ())]
+        for number, rows in there.items():
+            policy, build = int(cast.policies[number]), self._builds[number]
+            motion = self._sampler.motions[policy]
+            lengths, girth = cast.stretches[number][motion.segments], float(cast.girths[number])
+            key = policy, build, girth, *cast.stretches[number]
+            if key not in skins:
+                skins[key] = self._add_skin(document, policy, build, girth, lengths, skins)
+            skin, attributes, primitives = skins[key]
+            skeleton = build_skeleton(motion.skeleton, motion.segments, cast.stretches[number].astype(float))
+            name = str(cast.names[number])
+            scale = float(cast.scales[number])
+            first, joints = len(document.nodes), skeleton.joint_count
+            extras = {"avatar": number, "sex": build.sex, "build": build.kind}
+            for key_, names, index in (("team", teams, "teams"), ("type", getattr(cast, "type_names", ()), "types")):
+                if len(names):
+                    extras[key_] = str(names[int(getattr(cast, index)[number])])
+            document.nodes.append({"name": name, "scale": [scale] * 3, "children": [first + 1], "extras": extras})
+            parents = [*skin.parents, *skin.parents[skin.helpers]]
+            offsets = np.concatenate([skeleton.offsets, skeleton.offsets[skin.helpers]])
+            names_ = [*skeleton.names, *(f"{skeleton.names[joint]}Half" for joint in skin.helpers)]
+            local = quaternion.multiply(quaternion.conjugate(skin.rotations[parents]), skin.rotations)
+            local[0] = skin.rotations[0]
+            moving, still = self._moving(policy)
+            local[:joints][~moving] = still[~moving]
+            for joint in range(joints + HELPERS):
+                below = [first + 1 + child for child, parent in enumerate(parents) if parent == joint]
+                w, x, y, z = (float(value) for value in local[joint].astype(np.float32))
+                document.nodes.append({
+                    "name": names_[joint],
+                    "translation": [float(value) for value in np.asarray(offsets[joint], np.float32)],
+                    "rotation": [x, y, z, w],
+                    **({"children": below} if below else {}),
+                })  # fmt: skip
+            document.json["skins"].append({
+                "name": name,
+                "inverseBindMatrices": attributes["bindings"],
+                "skeleton": first + 1,
+                "joints": list(range(first + 1, first + 1 + joints + HELPERS)),
+            })  # fmt: skip
+            colour = np.asarray(cast.colours, float)[cast.types[number]] if teams else None
+            paints = colours(number, int(cast.teams[number]), colour)
+            document.json["meshes"].append({"name": name, "primitives": [
+                {
+                    "attributes": {key: value for key, value in attributes.items() if key.isupper()},
+                    "indices": indices,
+                    "material": document.material(looks, part, paints[part]),
+                }
+                for part, indices in primitives
+            ]})  # fmt: skip
+            skinned = len(document.json["meshes"]) - 1
+            document.nodes.append({"name": f"{name} skin", "mesh": skinned, "skin": skinned})
+            document.json["scenes"][0]["nodes"] += [first, len(document.nodes) - 1]
+            kinds = ROTATIONS[self._rotations], _HELPERS[self._rotations]
+            root, where = document.reserve(self._frames, 1, "<f4", 3)
+            last = np.tile([1.0, 0.0, 0.0, 0.0], (int(moving.sum()) + HELPERS, 1))
+            place = _Place(skin, moving, where, 0, 0, np.zeros(3), last)
+            animate(first + 1, "translation", root[0])
+            halves = np.arange(joints, joints + HELPERS)
+            for animated, (dtype, _), slot in zip(
+                (np.flatnonzero(moving), halves), kinds, ("joints", "helpers"), strict=True
+            ):
+                outputs, where = document.reserve(self._frames, len(animated), dtype, 4)
+                setattr(place, slot, where)
+                for joint, output in zip(animated, outputs, strict=True):
+                    animate(first + 1 + int(joint), "rotation", output)
+            self._places[number] = place
+            if not rows.all():
+                changes = np.append(0, np.flatnonzero(np.diff(rows)) + 1)
+                shown = np.where(rows[changes], np.float32(scale), np.float32(0.0))
+                moments = document.add(_times(changes, self._fps), limits=True)
+                animate(first, "scale", document.add(np.repeat(shown[:, None], 3, axis=1)), moments, steps=True)
+        document.json["animations"] = [{"name": str(take.scenario), "samplers": samplers, "channels": channels}]
+        document.json["scenes"][0]["extras"] = self._extras(there)
+        document.json["scenes"][0]["name"] = str(take.scenario)
+        return document
+
+    def _moving(self, policy: int) -> tuple[Array, Array]:
+        """Which joints of a policy are animated (J,), and the rotation of those that never move (J, 4).
+
+        Fingers, eyes and the like, beyond the hands and the head, are left out where motion never moves them: poses
+        are not changed there.
+        """
+        if policy not in self._stills:
+            database = self._sampler.policies[policy].database
+            parents = database.skeleton.parents
+            moving, still = np.ones(len(parents), bool), np.zeros((len(parents), 4))
+            ends = [database.body.roles[role] for role in ("head", "left_hand", "right_hand")]
+            beyond = np.zeros(len(parents), bool)
+            for joint, parent in enumerate(parents):
+                beyond[joint] = parent >= 0 and (beyond[parent] or parent in ends)
+            for joint in np.flatnonzero(beyond):
+                own = np.asarray(database.rotations[:, joint])
+                moving[joint] = bool(np.ptp(own, axis=0).max() > _STILL)
+                still[joint] = own[0]
+            self._stills[policy] = moving, still
+        return self._stills[policy]
+
+    def _add_skin(
+        self, document: _Document, policy: int, build: Build, girth: float, lengths: Array, known: dict[Any, Any]
+    ) -> tuple[Skin, dict[str, int], list[tuple[int, int]]]:
+        """Add the vertices of a shape; what shapes of one build share is there once."""
+        database = self._sampler.policies[policy].database
+        rotations = getattr(database, "rotations", None)
+        some = None if rotations is None else np.asarray(rotations[:: max(1, len(rotations) // _POSES)][:_POSES])
+        skin = build_skin(database.skeleton, database.body, build, some).shaped(girth, lengths)
+        alike = next((value for key, value in known.items() if key[:2] == (policy, build)), None)
+        if alike is None:
+            shared = {
+                "JOINTS_0": document.add(skin.joints, _VERTICES),
+                "WEIGHTS_0": document.add(skin.weights, _VERTICES),
+            }
+            primitives = [
+                (int(part), document.add(skin.triangles[skin.parts == part].astype("<u2").ravel(), _INDICES))
+                for part in np.unique(skin.parts)
+            ]
+        else:
+            shared, primitives = {key: alike[1][key] for key in ("JOINTS_0", "WEIGHTS_0")}, alike[2]
+        matrices = np.zeros((len(skin.positions), 4, 4), "<f4")
+        matrices[:, :3] = skin.inverse_bindings()
+        matrices[:, 3, 3] = 1.0
+        attributes = {
+            "POSITION": document.add(skin.vertices, _VERTICES, limits=True),
+            "NORMAL": document.add(skin.normals, _VERTICES),
+            **shared,
+            "bindings": document.add(np.ascontiguousarray(matrices.transpose(0, 2, 1)).reshape(-1, 16)),
+        }
+        return skin, attributes, primitives
+
+    def _extras(self, there: dict[int, Array]) -> dict[str, Any]:
+        """What a scene says of its crowd: rate, first frame and the strikes of its frames, seconds from its start."""
+        take = self._sampler.take
+        found: dict[str, Any] = {"fps": str(self._fps), "first_frame": self.start, "seed": int(take.seed)}
+        events = take.events
+        seconds = np.asarray(events.frame, float) / take.control_rate - float(self.start / self._fps)
+        inside = (seconds >= 0.0) & (seconds <= float((self._frames - 1) / self._fps))
+        inside &= np.isin(np.asarray(events.attacker), list(there))
+        found["strikes"] = [
+            {
+                "seconds": round(float(seconds[row]), 4),
+                "attacker": int(events.attacker[row]),
+                "victim": int(events.victim[row]),
+                "limb": LIMBS[int(events.limb[row])],
+                "outcome": OUTCOMES[int(events.outcome[row])],
+                "damage": round(float(events.damage[row]), 3),
+                "point": [round(float(value), 4) for value in events.point[row]],
+            }
+            for row in np.flatnonzero(inside)
+        ]
+        return found
+
+
+@dataclass
+class _Place:
+    """Where the frames of an avatar lie in the file, and how its last one ended."""
+
+    skin: Skin
+    moving: Array
+    roots: int
+    joints: int
+    helpers: int
+    root: Array
+    last: Array
+
+
+class _Document:
+    """The description of a file, its constant data, and places for its frames."""
+
+    def __init__(self) -> None:
+        self.nodes: list[dict[str, Any]] = []
+        self.json: dict[str, Any] = {
+            "asset": {"version": "2.0", "generator": "crowdsim"},
+            "scene": 0,
+            "scenes": [{"nodes": []}],
+            "nodes": self.nodes,
+            "meshes": [],
+            "skins": [],
+            "materials": [],
+            "accessors": [],
+            "bufferViews": [],
+        }
+        self.constant: list[tuple[int, bytes]] = []
+        self.size = 0
+
+    def add(self, values: Array, target: int | None = None, limits: bool = False) -> int:
+        """Add an array, a row an element, and return its accessor."""
+        values = np.ascontiguousarray(values)
+        (accessor,), _ = self.reserve(
+            len(values), 1, values.dtype.str, 1 if values.ndim == 1 else values.shape[1], target
+        )
+        self.constant.append((self.json["bufferViews"][-1]["byteOffset"], values.tobytes()))
+        if limits:
+            columns = values.reshape(len(values), -1)
+            self.json["accessors"][accessor]["min"] = [float(value) for value in columns.min(axis=0)]
+            self.json["accessors"][accessor]["max"] = [float(value) for value in columns.max(axis=0)]
+        return accessor
+
+    def reserve(
+        self, length: int, count: int, dtype: str, width: int, target: int | None = None
+    ) -> tuple[list[int], int]:
+        """Reserve place for some accessors of one length, one after the other; return them and where they begin."""
+        dtype, start = np.dtype(dtype).str, self.size
+        each = length * width * np.dtype(dtype).itemsize
+        view = {"buffer": 0, "byteOffset": start, "byteLength": each * count}
+        self.json["bufferViews"].append(view if target is None else {**view, "target": target})
+        integer = dtype in ("<i2", "|i1")
+        for number in range(count):
+            self.json["accessors"].append({
+                "bufferView": len(self.json["bufferViews"]) - 1,
+                "byteOffset": each * number,
+                "componentType": _COMPONENTS[dtype],
+                **({"normalized": True} if integer else {}),
+                "count": length,
+                "type": _KINDS[width],
+            })  # fmt: skip
+        self.size += -(-each * count // 4) * 4
+        last = len(self.json["accessors"])
+        return list(range(last - count, last)), start
+
+    def material(self, known: dict[tuple[int, bytes], int], part: int, colour: Array) -> int:
+        """Return the material of a part in a colour."""
+        key = part, np.round(colour, 4).tobytes()
+        if key not in known:
+            known[key] = len(self.json["materials"])
+            self.json["materials"].append({
+                "name": SKIN_PARTS[part],
+                "pbrMetallicRoughness": {
+                    "baseColorFactor": [*(round(float(value), 4) for value in linear(colour)), 1.0],
+                    "metallicFactor": 0.0,
+                    "roughnessFactor": roughness(part),
+                },
+            })  # fmt: skip
+        return known[key]
+
+
+class _Shared:
+    """The file while it is written, of a sink or of the parts that one was split into."""
+
+    def __init__(self, path: Path, document: _Document) -> None:
+        self.open, self._path, self._constant = 1, path, document.constant
+        self._partial = path.with_name(f".{path.name[:100]}.{uuid.uuid4().hex}.part")
+        self._file: BinaryIO | None = None
+        self._lock = threading.Lock()
+        document.json["buffers"] = [{"byteLength": document.size}]
+        text = json.dumps(document.json, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+        text += b" " * (-len(text) % 4)
+        size = 28 + len(text) + document.size
+        if size > _LARGEST:
+            raise OutputError(
+                f"{path}: would have {size / 1e9:.1f} GB, glTF files have at most 4.3; "
+                "export fewer avatars or frames, a lower rate, or rotations as int16"
+            )
+        self._size = size
+        self._head = struct.pack("<4sIIII", b"glTF", 2, size, len(text), 0x4E4F534A) + text
+        self._head += struct.pack("<II", document.size, 0x004E4942)
+
+    def begin(self) -> None:
+        """Write all that is no frame, unless it is written."""
+        if self._file is not None:
+            return
+        try:
+            self._file = open(self._partial, "xb", buffering=0)  # noqa: SIM115 - it stays open
+            self._file.truncate(self._size)
+        except OSError as error:
+            raise self._failed(error) from error
+        self.put(-len(self._head), self._head)
+        for at, data in self._constant:
+            self.put(at, data)
+
+    def put(self, at: int, data: bytes | Array) -> None:
+        """Write data at its place among the binary data."""
+        assert self._file is not None
+        rest = memoryview(data).cast("B")  # type: ignore[arg-type]
+        try:
+            with self._lock:
+                self._file.seek(len(self._head) + at)
+                while rest:
+                    rest = rest[self._file.write(rest) :]
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def close(self) -> list[Path]:
+        """Give the file its name when the last part is closed, and return it then."""
+        self.open -= 1
+        if self.open > 0 or self._file is None:
+            return []
+        try:
+            self._file.close()
+            os.replace(self._partial, self._path)
+        except OSError as error:
+            self.abandon()
+            raise self._failed(error) from error
+        return [self._path]
+
+    def abandon(self) -> None:
+        """Remove what is half-written."""
+        if self._file is not None:
+            self._file.close()
+            self._partial.unlink(missing_ok=True)
+
+    def _failed(self, error: OSError) -> OutputError:
+        return OutputError(f"{self._path}: cannot be written: {error.strerror or error}")
+
+
+def write_gltf(
+    sampler: PoseSampler,
+    path: Path,
+    frames: tuple[int, int] | None = None,
+    fps: float | Fraction = 60,
+    avatars: Sequence[int] | Array | None = None,
+    rotations: str = "float32",
+    threads: int = 1,
+    progress: Progress | None = None,
+    builds: Sequence[Build] | None = None,
+) -> list[Path]:
+    """Write avatars of a take as one ``.glb``; see ``GltfSink``.
+
+    Args:
+        sampler: Poses of the take.
+        path: The file; its folder is made when missing.
+        frames: First output frame and one past the last; all when None.
+        fps: Output frames a second; fractions such as 24000/1001 are exact.
+        avatars: Numbers of the avatars; all when None.
+        rotations: ``float32`` or ``int16``.
+        threads: Threads that write.
+        progress: Called with ("glb", avatars done, avatars).
+        builds: Build of each avatar of the take; by its girth when None.
+
+    Returns:
+        The file, or nothing where no avatar is there in these frames.
+
+    Raises:
+        OutputError: The folder cannot be made, or the file cannot be written or would be too large.
+    """
+    make_folder(path.parent)
+    sink = GltfSink(sampler, path, fps, frames, avatars, rotations, builds)
+    return stream_poses(sampler, float(fps), [sink], threads, progress)[0] if len(sink.avatars) else []
+
+
+def _times(frames: Array, fps: Fraction) -> Array:
+    """Times of frames [s], float32."""
+    return (np.asarray(frames, float) * fps.denominator / fps.numerator).astype("<f4")
+
+
+def _presence(sampler: PoseSampler, avatar: int, start: int, stop: int, fps: float) -> Array:
+    """In which of the output frames ``start`` to ``stop`` an avatar is there. Shape (stop - start,), bool."""
+    count = sampler.present(avatar, start, stop, fps)
+    if count in (0, stop - start):
+        return np.full(stop - start, count > 0)
+    take = sampler.take
+    control = np.floor(np.arange(start, stop) / fps * take.control_rate + 1e-9).astype(np.int64)
+    control = np.clip(control, 0, take.frame_count - 1)
+    return np.asarray(take.action[int(control[0]) : int(control[-1]) + 1, avatar])[control - control[0]] >= 0

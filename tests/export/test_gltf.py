@@ -1,0 +1,228 @@
+"""A glTF file through another reader, beside the poses and our own skinning."""
+
+import json
+import shutil
+import struct
+import subprocess
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import write_scene
+from test_exports import COMING
+
+from crowdsim.body.anatomy import Build
+from crowdsim.body.looks import usual_build
+from crowdsim.body.skin import build_skin, pose_skins
+from crowdsim.errors import OutputError
+from crowdsim.export import gltf, stream
+from crowdsim.export.gltf import write_gltf
+from crowdsim.preparation.prepare import load_policies
+from crowdsim.runs.runner import run
+from crowdsim.scenario.scenario import load_scenario
+from crowdsim.take.poses import PoseSampler
+
+pygltflib = pytest.importorskip("pygltflib")
+FPS = Fraction(24000, 1001)
+DTYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5126: "<f4"}
+WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+
+
+@pytest.fixture(scope="module")
+def sampler(tiny_policy: Path, tmp_path_factory: pytest.TempPathFactory):
+    folder = tmp_path_factory.mktemp("take")
+    types = {
+        "boxer": {"policy": "tiny"},
+        "large": {"policy": "tiny", "scale": 1.2, "legs": 1.1, "arms": 0.9, "girth": 1.2},
+    }
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tiny_policy.parent.parent)
+        scenario = load_scenario(write_scene(folder / "coming.yaml", **{**COMING, "types": types}))
+        policies = load_policies(scenario)
+    return PoseSampler(run(scenario, policies), policies)
+
+
+class Scene:
+    """A file as pygltflib reads it, played by the rules of the specification."""
+
+    def __init__(self, path: Path) -> None:
+        self.gltf = pygltflib.GLTF2().load(str(path))
+        self.blob = self.gltf.binary_blob()
+        self.parents = {child: node for node, item in enumerate(self.gltf.nodes) for child in item.children}
+        self.names = [node.name for node in self.gltf.nodes]
+
+    def values(self, number: int) -> np.ndarray:
+        accessor = self.gltf.accessors[number]
+        view = self.gltf.bufferViews[accessor.bufferView]
+        width, dtype = WIDTHS[accessor.type], np.dtype(DTYPES[accessor.componentType])
+        found = np.frombuffer(self.blob, dtype, accessor.count * width, view.byteOffset + accessor.byteOffset)
+        found = found.reshape(-1, width)
+        return np.maximum(found / np.iinfo(dtype).max, -1.0) if accessor.normalized else found
+
+    def at(self, time: float) -> np.ndarray:
+        """Matrices of all nodes in the world at the time of a key. Shape (n, 4, 4)."""
+        states = [{"translation": node.translation or [0, 0, 0], "rotation": node.rotation or [0, 0, 0, 1],
+                   "scale": node.scale or [1, 1, 1]} for node in self.gltf.nodes]  # fmt: skip
+        (animation,) = self.gltf.animations
+        for channel in animation.channels:
+            sampler = animation.samplers[channel.sampler]
+            times = self.values(sampler.input)[:, 0]
+            row = int(np.searchsorted(times, np.float32(time), side="right")) - 1
+            states[channel.target.node][channel.target.path] = self.values(sampler.output)[row].astype(float)
+        found: dict[int, np.ndarray] = {}
+
+        def world(node: int) -> np.ndarray:
+            if node not in found:
+                state, matrix = states[node], np.eye(4)
+                x, y, z, w = np.asarray(state["rotation"]) / np.linalg.norm(state["rotation"])
+                matrix[:3, :3] = np.array([
+                    [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                    [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                    [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+                ]) * np.asarray(state["scale"])  # fmt: skip
+                matrix[:3, 3] = state["translation"]
+                found[node] = world(self.parents[node]) @ matrix if node in self.parents else matrix
+            return found[node]
+
+        return np.stack([world(node) for node in range(len(states))])
+
+    def skinned(self, world: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray]:
+        """Places of joints, helpers last, and of vertices of a skin."""
+        skin, mesh = self.gltf.skins[number], self.gltf.meshes[number]
+        bindings = self.values(skin.inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
+        matrices = world[skin.joints] @ bindings
+        attributes = mesh.primitives[0].attributes
+        vertices = np.hstack(
+            [self.values(attributes.POSITION), np.ones((self.gltf.accessors[attributes.POSITION].count, 1))]
+        )
+        joints, weights = self.values(attributes.JOINTS_0), self.values(attributes.WEIGHTS_0)
+        moved = np.einsum("vk,vkij,vj->vi", weights, matrices[joints], vertices)
+        return world[skin.joints][:, :3, 3], moved[:, :3]
+
+
+@pytest.mark.parametrize(("rotations", "joint_error", "vertex_error"), [("float32", 1e-5, 1e-4), ("int16", 2e-4, 1e-3)])
+def test_another_reader_finds_joints_and_skin_where_we_have_them(
+    sampler: PoseSampler, tmp_path: Path, rotations: str, joint_error: float, vertex_error: float
+) -> None:
+    (path,) = write_gltf(sampler, tmp_path / "crowd.glb", fps=FPS, rotations=rotations)
+    scene, take = Scene(path), sampler.take
+    count = take.output_frames(float(FPS))
+    (poses,) = sampler.sample(0, count, float(FPS))
+    positions, turned = (values.astype(float) for values in poses.joints())
+    database = sampler.policies[0].database
+    assert [skin.name for skin in scene.gltf.skins] == ["red_0", "red_1", "late_0"]
+    seen = 0
+    for frame in range(count):
+        world = scene.at(float(frame / FPS))
+        for number in range(3):
+            joints, vertices = scene.skinned(world, number)
+            if not np.isfinite(positions[frame, number, 0, 0]):
+                assert np.ptp(vertices, axis=0).max() < 1e-6
+                continue
+            seen += number == 2
+            assert np.abs(joints[:-4] - positions[frame, number]).max() < joint_error
+            if frame % 9 == 0 or number == 2:
+                girth = float(poses.girths[number])
+                some = database.rotations[:: max(1, len(database.rotations) // 200)][:200]
+                skin = build_skin(database.skeleton, database.body, usual_build(girth), some)
+                skin = skin.shaped(girth, poses.stretches[number][poses.segments])
+                here = slice(number, number + 1)
+                matrices = skin.matrices(positions[frame, here], turned[frame, here], poses.scales[here])
+                ours, _ = pose_skins([skin], matrices)
+                assert np.abs(ours[0] - vertices).max() < vertex_error
+    assert 0 < seen < count
+
+
+def test_times_of_broadcast_rates_are_exact(sampler: PoseSampler, tmp_path: Path) -> None:
+    (path,) = write_gltf(sampler, tmp_path / "crowd.glb", fps=FPS, frames=(3, 20))
+    scene = Scene(path)
+    times = scene.values(scene.gltf.animations[0].samplers[0].input)[:, 0]
+    np.testing.assert_array_equal(times, np.array([np.float32(k * 1001 / 24000) for k in range(17)]))
+    assert scene.gltf.scenes[0].extras["fps"] == "24000/1001"
+
+
+def test_chosen_avatars_and_frames_are_part_of_the_whole(
+    sampler: PoseSampler, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (whole,) = write_gltf(sampler, tmp_path / "whole.glb", fps=30)
+    monkeypatch.setattr(stream, "_POSES_AT_ONCE", 21)
+    monkeypatch.setattr(stream, "_MANY_AVATARS", 2)
+    (again,) = write_gltf(sampler, tmp_path / "again.glb", fps=30, threads=3)
+    assert whole.read_bytes() == again.read_bytes()
+    (part,) = write_gltf(sampler, tmp_path / "part.glb", fps=30, frames=(25, 40), avatars=[2])
+    mine, all_of_it = Scene(part), Scene(whole)
+    assert [skin.name for skin in mine.gltf.skins] == ["late_0"]
+    for frame in (25, 39):
+        ours, _ = mine.skinned(mine.at((frame - 25) / 30), 0)
+        theirs, _ = all_of_it.skinned(all_of_it.at(frame / 30), 2)
+        np.testing.assert_allclose(ours, theirs, atol=1e-6)
+    assert write_gltf(sampler, tmp_path / "none.glb", fps=30, frames=(0, 10), avatars=[2]) == []
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["again.glb", "part.glb", "whole.glb"]
+
+
+def test_extras_say_teams_types_and_strikes(sampler: PoseSampler, tmp_path: Path) -> None:
+    (path,) = write_gltf(sampler, tmp_path / "crowd.glb", fps=30)
+    scene = Scene(path)
+    roots = {node.name: node.extras for node in scene.gltf.nodes if node.extras}
+    assert roots["late_0"] == {"avatar": 2, "sex": "male", "build": "heavy", "team": "blue", "type": "large"}
+    strikes, table = scene.gltf.scenes[0].extras["strikes"], sampler.take.strikes()
+    assert [strike["attacker"] for strike in strikes] == list(table["attacker"])
+    np.testing.assert_allclose([strike["seconds"] for strike in strikes], table["seconds"], atol=1e-3)
+
+
+def test_roots_of_the_scene_are_skins_and_trees_of_joints(sampler: PoseSampler, tmp_path: Path) -> None:
+    builds = [Build(), Build("female"), Build("male", "heavy", "bare")]
+    (path,) = write_gltf(sampler, tmp_path / "crowd.glb", fps=30, builds=builds)
+    scene = Scene(path)
+    assert all("skin" in scene.names[node] or node not in scene.parents for node in scene.gltf.scenes[0].nodes)
+    skinned = [node for node, item in enumerate(scene.gltf.nodes) if item.skin is not None]
+    assert len(skinned) == 3
+    assert not set(skinned) & set(scene.parents)
+    assert len(scene.gltf.animations) == 1
+
+
+def test_a_file_that_fails_leaves_nothing(
+    sampler: PoseSampler, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gltf, "_LARGEST", 1000)
+    with pytest.raises(OutputError, match=r"crowd\.glb: would have .* GB, glTF files have at most 4\.3"):
+        write_gltf(sampler, tmp_path / "crowd.glb", fps=30)
+    monkeypatch.undo()
+
+    def fails(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(gltf, "pack_rotations", fails)
+    with pytest.raises(OSError, match="No space"):
+        write_gltf(sampler, tmp_path / "crowd.glb", fps=30)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rotations", ["float32", "int16"])
+def test_the_validator_reports_nothing(sampler: PoseSampler, tmp_path: Path, rotations: str) -> None:
+    if shutil.which("npm") is None or shutil.which("node") is None:
+        pytest.skip("npm is not installed")
+    done = subprocess.run(
+        ["npm", "install", "--prefix", str(tmp_path), "gltf-validator@2.0.0-dev.3.10"], capture_output=True
+    )
+    if done.returncode:
+        pytest.skip("npm has no gltf-validator")
+    (path,) = write_gltf(sampler, tmp_path / "crowd.glb", fps=FPS, rotations=rotations)
+    code = (
+        "const v=require('gltf-validator'),f=require('fs');"
+        "v.validateBytes(new Uint8Array(f.readFileSync(process.argv[1])))"
+        ".then(r=>console.log(JSON.stringify(r.issues)))"
+    )
+    report = subprocess.run(["node", "-e", code, str(path)], cwd=tmp_path, capture_output=True, text=True, check=True)
+    issues = json.loads(report.stdout)
+    assert (issues["numErrors"], issues["numWarnings"], issues["numInfos"]) == (0, 0, 0), issues["messages"][:5]
+
+
+def test_the_header_counts_all_bytes(sampler: PoseSampler, tmp_path: Path) -> None:
+    (path,) = write_gltf(sampler, tmp_path / "crowd.glb", fps=30, frames=(0, 5))
+    data = path.read_bytes()
+    magic, version, length, text, kind = struct.unpack("<4sIIII", data[:20])
+    assert (magic, version, length, kind) == (b"glTF", 2, len(data), 0x4E4F534A)
+    assert struct.unpack("<II", data[20 + text : 28 + text]) == (len(data) - 28 - text, 0x004E4942)
