@@ -35,8 +35,8 @@ from crowdsim.export.stream import Block, run_all, stream_poses
 from crowdsim.files import make_folder
 from crowdsim.motion import quaternion
 from crowdsim.motion.strikes import LIMBS
-from crowdsim.take.builds import build_skeleton
-from crowdsim.take.poses import Poses, PoseSampler
+from crowdsim.poses.builds import build_skeleton
+from crowdsim.poses.sampler import Poses, PoseSampler
 
 ROTATIONS = {"float32": ("<f4", 1.0), "int16": ("<i2", 32767.0)}
 """How rotations are stored, and what a one becomes."""

@@ -18,10 +18,10 @@ from crowdsim.body.skin import build_skin, pose_skins
 from crowdsim.errors import OutputError
 from crowdsim.export import gltf, stream
 from crowdsim.export.gltf import write_gltf
+from crowdsim.poses.sampler import PoseSampler
 from crowdsim.preparation.prepare import load_policies
 from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
-from crowdsim.take.poses import PoseSampler
 
 pygltflib = pytest.importorskip("pygltflib")
 FPS = Fraction(24000, 1001)

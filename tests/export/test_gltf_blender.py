@@ -14,7 +14,7 @@ from test_gltf import sampler  # noqa: F401 - a fixture
 from crowdsim.body.looks import usual_build
 from crowdsim.body.skin import build_skin, pose_skins
 from crowdsim.export.gltf import write_gltf
-from crowdsim.take.poses import PoseSampler
+from crowdsim.poses.sampler import PoseSampler
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 FPS = Fraction(24000, 1001)
