@@ -28,7 +28,6 @@ class SurveyedFile:
         strikes: Strikes found in it by limb, in the order of ``motion.strikes.LIMBS``.
         fists: How fast its fists are; None where that is not known.
         skeleton: Its skeleton; None where it cannot be trained on.
-        findings: What is odd about it and what is done about that.
     """
 
     name: str
@@ -37,7 +36,6 @@ class SurveyedFile:
     strikes: tuple[int, ...] = (0,) * len(LIMBS)
     fists: Fists | None = None
     skeleton: Skeleton | None = None
-    findings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
