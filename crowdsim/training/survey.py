@@ -125,9 +125,7 @@ def _survey_file(path: Path, name: str) -> SurveyedFile:
         return SurveyedFile(name, "no motion of a body")
     limbs = capture.analysis.strikes.limbs
     strikes = tuple(int((limbs == limb).sum()) for limb in ALL_LIMBS)
-    return SurveyedFile(
-        name, "", motion.seconds, strikes, measure_fists(name, capture), clip.skeleton, capture.findings
-    )
+    return SurveyedFile(name, "", motion.seconds, strikes, measure_fists(name, capture), clip.skeleton)
 
 
 def _first_line(message: str, path: Path) -> str:
