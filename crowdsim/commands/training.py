@@ -101,7 +101,6 @@ def _check_options(recipe: str | None, name: str | None, behaviours: str | None)
 
 def _write_recipe(name: str, mocap: Path | None, behaviours: str | None) -> Path:
     """Write a recipe for a folder of capture, and note what was left out of it."""
-    from crowdsim.capture.loading import with_path
     from crowdsim.scenario.names import NAME_RULE, is_name
     from crowdsim.training.fit_recipe import BEHAVIOURS, check_name, write_recipe
     from crowdsim.training.survey import survey_capture
@@ -117,9 +116,6 @@ def _write_recipe(name: str, mocap: Path | None, behaviours: str | None) -> Path
     path = write_recipe(name, survey, behaviours.split(",") if behaviours else BEHAVIOURS)
     for file in survey.left_out:
         note(f"{survey.folder / file.name}: left out: {file.reason}")
-    for file in survey.used:
-        for finding in file.findings:
-            note(with_path(finding, survey.folder / file.name))
     strikes = sum(survey.strikes)
     files = len(survey.used) + len(survey.left_out)
     note(f"{path}: written for {len(survey.used)} of {files} files, {survey.seconds:.1f} s with {strikes} strikes")

@@ -28,7 +28,6 @@ class SurveyedFile:
         strikes: Strikes found in it by limb, in the order of ``motion.strikes.LIMBS``.
         fists: How fast its fists are; None where that is not known.
         skeleton: Its skeleton; None where it cannot be trained on.
-        findings: What is odd about it and what is done about that.
     """
 
     name: str
@@ -37,7 +36,6 @@ class SurveyedFile:
     strikes: tuple[int, ...] = (0,) * len(LIMBS)
     fists: Fists | None = None
     skeleton: Skeleton | None = None
-    findings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -127,9 +125,7 @@ def _survey_file(path: Path, name: str) -> SurveyedFile:
         return SurveyedFile(name, "no motion of a body")
     limbs = capture.analysis.strikes.limbs
     strikes = tuple(int((limbs == limb).sum()) for limb in ALL_LIMBS)
-    return SurveyedFile(
-        name, "", motion.seconds, strikes, measure_fists(name, capture), clip.skeleton, capture.findings
-    )
+    return SurveyedFile(name, "", motion.seconds, strikes, measure_fists(name, capture), clip.skeleton)
 
 
 def _first_line(message: str, path: Path) -> str:

@@ -83,10 +83,10 @@ def _displaced(reading: Reading, joints: list[int], sample: Array, offsets: Arra
             "they are brought to the unit of the offsets",
             lambda: replace(reading, bvh=_moved(bvh, joints, 1.0 / ratio, False)),
         )
+    share = float(np.median(np.median(np.linalg.norm(sample, axis=-1), axis=0) / lengths[1]))
     return Diagnosis(
         "channels",
-        f"the positions of {len(joints)} joints are displacements from their offsets, "
-        f"{100.0 * float(np.median(lengths[0] / lengths[1])):.1f} % of them long",
+        f"the positions of {len(joints)} joints are displacements from their offsets, {share:.2%} as long",
         0.98,
         "repair",
         "the offsets are added",
