@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from crowdsim.bvh.file import FARTHEST
-from crowdsim.bvh.io import Bvh, read_bvh, rotate_up, to_clip
+from crowdsim.bvh.io import Bvh, rotate_up, to_clip
+from crowdsim.bvh.people import read_people, split_name
 from crowdsim.capture import units
 from crowdsim.capture.folding import fold_elbows_forward
 from crowdsim.core.types import Array, FileName
@@ -109,11 +110,22 @@ class _Notes:
         self.faults.extend(what)
 
 
+def load_people(path: FileName, unit: str | float | None = None, up_axis: str | None = None) -> list[Capture]:
+    """Read a BVH file and find out what each person in it is; trees that are no people are left out where others are.
+
+    Raises:
+        BvhError: The file is no BVH.
+        MotionError: The given unit or axis is unknown.
+    """
+    captures = [_interpret(bvh, unit, up_axis) for bvh in read_people(path)]
+    return [capture for capture in captures if capture.roles] or captures[:1]
+
+
 def load_capture(path: FileName, unit: str | float | None = None, up_axis: str | None = None) -> Capture:
-    """Read a BVH file and find out what it is.
+    """Read a BVH file and find out what it is; of several people in it, the first.
 
     Args:
-        path: The file.
+        path: The file, or one person in it: ``capture.bvh#2``.
         unit: Its unit, a name of ``crowdsim.capture.units.UNITS`` or metres; found when None.
         up_axis: Its up axis, 'y' or '-z' say; found when None.
 
@@ -121,10 +133,16 @@ def load_capture(path: FileName, unit: str | float | None = None, up_axis: str |
         BvhError: The file is no BVH.
         MotionError: The given unit or axis is unknown.
     """
+    return load_people(path, unit, up_axis)[0]
+
+
+def _interpret(bvh: Bvh, unit: str | float | None, up_axis: str | None) -> Capture:
+    """Find out what one tree of joints in a file is."""
     scale = None if unit is None else units.parse_unit(unit)
     axis = None if up_axis is None else units.parse_up_axis(up_axis)
-    bvh = read_bvh(path)
     raw, notes = to_clip(_within_reach(bvh)), _Notes(bvh)
+    file, number = split_name(bvh.path)
+    raw = replace(raw, name=file.stem if number is None else f"{file.stem}#{number}")
     poses, turned = sample_poses(raw)
     roles = human_roles(raw.skeleton, poses, turned)
     if not roles:

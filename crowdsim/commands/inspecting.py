@@ -36,13 +36,14 @@ def inspect(
 
     Where numbers of a BVH file are missing or wrong, the exit code is 2.
     """
+    from crowdsim.bvh.people import split_name
     from crowdsim.runs.archive import is_archive
 
     path = Path(thing)
     if (path.is_dir() and not (path / "policy.json").exists()) or is_archive(path):
         with opened_run(path) as folder:
             _inspect_run(folder, as_json, plots, force)
-    elif path.is_file() and path.suffix not in (".yaml", ".yml"):
+    elif split_name(path)[0].is_file() and path.suffix not in (".yaml", ".yml"):
         _inspect_bvh(path, as_json, plots, unit, up, force)
     elif path.suffix.lower() == ".bvh":
         raise CrowdsimError(f"{path}: no such file")
@@ -115,18 +116,28 @@ def _print(
 
 
 def _inspect_bvh(path: Path, as_json: bool, plots: Path | None, unit: str | None, up: str | None, force: bool) -> None:
-    from crowdsim.capture.loading import load_capture, with_path
+    from crowdsim.capture.encounters import describe_encounters, find_encounters
+    from crowdsim.capture.loading import load_people, with_path
     from crowdsim.capture.report import describe_capture
-    from crowdsim.commands.capture_text import capture_lines
+    from crowdsim.commands.capture_text import capture_lines, encounter_lines
 
-    capture = load_capture(path, unit, up)
-    result = describe_capture(capture)
+    people = load_people(path, unit, up)
+    figures = [describe_capture(capture) for capture in people]
+    encounters = describe_encounters(people, find_encounters(people))
     if plots is not None:
         from crowdsim.capture.plots import plot_capture
 
-        _draw(plots, path, lambda place: plot_capture(capture, place), force)
-    _print(path, result, capture_lines, as_json)
-    for finding in [] if as_json else result["findings"]:
-        print(with_path(finding, path), file=sys.stderr)
-    if capture.bvh.faults:
+        if len(people) > 1:
+            raise CrowdsimError(f"{path}: --plots draws one person, expected {people[0].clip.source} or another number")
+        _draw(plots, path, lambda place: plot_capture(people[0], place), force)
+    if as_json:
+        print_json(figures[0] if len(people) == 1 else {"people": figures, "encounters": encounters})
+    else:
+        for capture, result in zip(people, figures, strict=True):
+            _print(Path(capture.clip.source), result, capture_lines, False)
+            for finding in result["findings"]:
+                print(with_path(finding, capture.clip.source), file=sys.stderr)
+        for line in encounter_lines(encounters):
+            print(line)
+    if any(capture.bvh.faults for capture in people):
         sys.exit(2)

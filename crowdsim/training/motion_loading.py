@@ -10,16 +10,27 @@ from crowdsim.motion.database import MotionDatabase
 from crowdsim.training.recipe import Recipe
 
 
-def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None = None) -> MotionDatabase:
+def load_motion(
+    recipe: Recipe, files: Sequence[Path], progress: Progress | None = None, changes: dict[str, str] | None = None
+) -> MotionDatabase:
     """Return the motion database that a recipe asks for, from the given files or from the embedded boxer.
+
+    Clips of several skeletons are brought to the one with the longest motion.
+
+    Args:
+        recipe: The recipe.
+        files: Its files of capture.
+        progress: Called with (stage, done, total).
+        changes: Gets what was changed of clips of other skeletons, in words, by name.
 
     Raises:
         MotionError: A file cannot be used: which, and why; or there are no strikes, and a behaviour needs them.
         BvhError: A file is no BVH.
     """
-    from crowdsim.capture.loading import Capture, load_capture, usable_clip
+    from crowdsim.capture.loading import Capture, load_people, usable_clip
     from crowdsim.motion.database import build_database
     from crowdsim.motion.measuring import MeasuredClip, measure_clips
+    from crowdsim.motion.retargeting import to_one_skeleton
     from crowdsim.performer.session import perform
     from crowdsim.training.no_strikes_report import require_no_strikes
 
@@ -40,10 +51,14 @@ def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None
     else:
         assert source is not None
         for done, path in enumerate(files, start=1):
-            captures.append(load_capture(path, source.unit, source.up_axis))
-            clips.append(usable_clip(captures[-1], source.strict))
+            people = load_people(path, source.unit, source.up_axis)
+            captures.extend(people)
+            clips.extend(usable_clip(capture, source.strict) for capture in people)
             if progress is not None:
                 progress("read capture", done, len(files))
+        clips, brought = to_one_skeleton(clips)
+        if changes is not None:
+            changes.update({name: change.describe() for name, change in brought.items()})
     database = build_database(
         clips,
         recipe.control_rate,
