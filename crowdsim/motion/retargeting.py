@@ -38,10 +38,16 @@ _STRETCH = 0.9995
 """Share of its length to which a limb is stretched at the most."""
 _RAISED = 0.2
 """A foot this much higher than the other, as a share of the height, does not lower the pelvis."""
+_STRAIGHT = 0.2
+"""How far the middle of a limb is from the line between its ends, as a share of the upper bone, from which on the pose
+alone decides where it bends."""
+_LEVEL = 0.012
+"""Height of a ball over its heel, as a share of the height, at which a foot begins to be on its heel."""
 _SMOOTH = 0.1
 """Time over which the pelvis is lowered [s]."""
-_OPEN = 0.02
-"""How far a straight limb bends in its natural direction before its pose decides, as a share of its upper bone."""
+_OPEN, _LEAST_BEND = 0.06, 0.01
+"""How far a limb bends in its usual direction before its pose decides, and on the average for that direction to be
+known from the motion, as shares of its upper bone."""
 _LEFT, _UP, _AHEAD = np.eye(3)
 
 
@@ -365,7 +371,8 @@ def _soles(body: Body, rig: _Rig, positions: Array, rotations: Array) -> list[tu
     for index, side in enumerate(SIDES):
         foot = rig.roles[f"{side}_foot"]
         heel, ball = (quaternion.rotate(rotations[:, foot], offset) for offset in body.sole_offsets[index])
-        share = 1.0 / (1.0 + np.exp(-np.clip((heel - ball)[:, 1] / (0.012 * body.height), -30.0, 30.0)))
+        # A foot that is flat is planted by its ball, and by its heel only while the ball is raised.
+        share = 1.0 / (1.0 + np.exp(-np.clip((heel - ball)[:, 1] / (_LEVEL * body.height) + 3.0, -30.0, 30.0)))
         found.append((_sole(body, rig, index, positions, rotations, share), share))
     return found
 
@@ -459,13 +466,16 @@ class _Posing:
         far = np.linalg.norm(way, axis=-1)
         reach = np.clip(far, np.abs(upper - lower) * 1.001 + 1e-6, _STRETCH * (upper + lower))
         along = _unit(way)
-        # Knees bend ahead and elbows back where the pose of the limb leaves it open.
+        # Knees bend ahead and elbows back in a T-pose, and as they do on the average where limbs are straight.
         swing = quaternion.multiply(self.world[:, top], quaternion.conjugate(self.rig.reference[top]))
-        side = (
-            elbow
-            - start
-            + _OPEN * upper[:, None] * quaternion.rotate(swing, _AHEAD if top in self.rig.hips else -_AHEAD)
-        )
+        bend = elbow - start - np.sum((elbow - start) * _unit(tip - start), axis=-1, keepdims=True) * _unit(tip - start)
+        usual = quaternion.rotate(quaternion.conjugate(swing), bend).sum(axis=0)
+        usual = _unit(usual + _LEAST_BEND * upper.sum() * (_AHEAD if top in self.rig.hips else -_AHEAD))
+        pole = quaternion.rotate(swing, usual)
+        # A nearly straight limb does not bend the other way, as noise of captured joints has it.
+        straight = np.clip(1.0 - np.linalg.norm(bend, axis=-1) / (_STRAIGHT * upper), 0.0, 1.0)
+        against = straight * np.minimum(np.sum(bend * pole, axis=-1), 0.0)
+        side = bend + (_OPEN * upper - against)[:, None] * pole
         side = _unit(side - np.sum(side * along, axis=-1, keepdims=True) * along)
         cosine = np.clip((upper**2 + reach**2 - lower**2) / (2.0 * upper * reach), -1.0, 1.0)
         sine = np.sqrt(1.0 - cosine**2)
