@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from people import placed, together
@@ -10,6 +12,7 @@ from crowdsim.bvh.io import read_bvh, write_bvh
 from crowdsim.bvh.people import read_people, split_name
 from crowdsim.capture.loading import load_capture, load_people
 from crowdsim.errors import BvhError
+from crowdsim.motion import quaternion
 from crowdsim.performer.session import perform
 
 
@@ -67,6 +70,39 @@ def test_trees_that_are_no_people_are_left_out_where_others_are(tmp_path, pair):
     assert load_people(f"{path}#2")[0].faults[0].startswith("no human body found")
 
 
+def test_bodies_that_hang_on_one_root_are_taken_off_it(tmp_path, pair):
+    clip, path = pair
+    whole = read_bvh(path)
+    turn = 30.0
+    channels = (("Xposition", "Yposition", "Zposition", "Zrotation", "Xrotation", "Yrotation"), *whole.channels)
+    scene = replace(
+        whole,
+        names=("Scene", *whole.names),
+        parents=np.array([-1, *np.where(whole.parents < 0, 0, whole.parents + 1)], np.int32),
+        offsets=np.concatenate([np.zeros((1, 3)), whole.offsets]),
+        channels=channels,
+        end_parents=whole.end_parents + 1,
+        motion=np.concatenate([np.tile([50.0, 0, 0, 0, 0, turn], (whole.frame_count, 1)), whole.motion], axis=1),
+    )
+    other = tmp_path / "scene.bvh"
+    write_bvh(other, scene)
+    first, second = load_people(other)
+    assert [first.clip.name, second.clip.name] == ["scene#1", "scene#2"]
+    assert "2 bodies hang on ROOT 'Scene'" in first.findings[-1]
+    assert first.roles == load_capture(path).roles
+    assert first.body.height == pytest.approx(load_capture(path).body.height, abs=1e-3)
+    turned = quaternion.rotate(quaternion.about_y(np.deg2rad(turn)), clip.root_positions) + np.array([0.5, 0.0, 0.0])
+    np.testing.assert_allclose(first.clip.root_positions, turned, atol=1e-4)
+    assert load_capture(f"{other}#2").body.height == pytest.approx(second.body.height)
+    # A copy of a body in the same place, as rigs have them, is nobody else.
+    half = scene.channels[1 : 1 + clip.skeleton.joint_count]
+    columns = 6 + sum(map(len, half))
+    motion = scene.motion.copy()
+    motion[:, columns:] = motion[:, 6:columns]
+    write_bvh(other, replace(scene, motion=motion))
+    assert [one.clip.name for one in load_people(other)] == ["scene"]
+
+
 def test_names_with_numbers_mean_people_unless_a_file_has_that_name(tmp_path, pair):
     _, path = pair
     assert split_name(f"{path}#12") == (path, 12)
@@ -75,5 +111,5 @@ def test_names_with_numbers_mean_people_unless_a_file_has_that_name(tmp_path, pa
     odd = tmp_path / "take #2"
     odd.write_text("HIERARCHY")
     assert split_name(odd) == (odd, None)
-    with pytest.raises(BvhError, match=r"pair.bvh: no person 3; the file has 2 ROOTs"):
+    with pytest.raises(BvhError, match=r"pair.bvh: no person 3; the file has 2"):
         read_people(f"{path}#3")
