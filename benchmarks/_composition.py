@@ -1,8 +1,8 @@
 """What the shipped composition of behaviours is rewarded for, as one behaviour that a reference can learn.
 
 A composition adds up the values of its behaviours, each divided by its scale and multiplied by its weight, and counts
-the price of a transition once, at the highest of their prices (``policy.kernels.values``). Its reward is the same sum of
-the behaviours' terms, its price the same highest one.
+the price of a transition once, at the highest of their prices (``policy.kernels.values``). Its reward is the same sum
+of the behaviours' terms, its price the same highest one.
 """
 
 from __future__ import annotations

@@ -8,8 +8,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from people import placed, together
 
-from crowdsim.performer.session import write_performance
+from crowdsim.bvh.io import write_bvh
+from crowdsim.performer.session import perform, write_performance
 
 
 @pytest.fixture(scope="module")
@@ -98,3 +100,22 @@ def test_a_file_where_the_folder_of_pictures_should_be_exits_two(clip, tmp_path)
     done = _inspect(clip, "--plots", tmp_path / "plots")
     assert done.returncode == 2
     assert "is a file, expected a folder to write into" in done.stderr
+
+
+def test_people_of_one_file_are_described_one_by_one_with_what_becomes_of_their_strikes(tmp_path):
+    motion = perform(4.0, 3)[0].clip
+    path = tmp_path / "pair.bvh"
+    write_bvh(path, together([motion, placed(motion, 0.0, 1.0, 3.14159)], ["Red_", "Blue_"]))
+    done = _inspect(path)
+    assert done.returncode == 0, done.stderr
+    assert f"{path}#1" in done.stdout.splitlines()
+    assert f"{path}#2" in done.stdout.splitlines()
+    assert f"{path}#2:" in done.stderr
+    assert "  Between people" in done.stdout.splitlines()
+    report = json.loads(_inspect(path, "--json").stdout)
+    assert [one["joints"] for one in report["people"]] == [22, 22]
+    assert len(report["encounters"]) == sum(one["strikes"] for one in report["people"]) > 0
+    assert {one["attacker"] for one in report["encounters"]} == {"pair#1", "pair#2"}
+    assert json.loads(_inspect(f"{path}#2", "--json").stdout) == report["people"][1]
+    assert _inspect(f"{path}#3").returncode != 0
+    assert "draws one person, expected" in _inspect(path, "--plots", tmp_path / "plots").stderr

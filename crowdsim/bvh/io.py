@@ -15,7 +15,7 @@ How files are read:
 * A file has at most 1 GiB, lines of at most 1 MiB, 1,000 joints, 1,000 end sites and 12 channels a joint. Names have
   at most 256 bytes. Offsets, positions and angles lie within 1,000,000 of 0; frames beyond that, like those that are
   not finite, are faults.
-* With several ROOTs all are read, and clips take the first one.
+* With several ROOTs all are read; ``to_clip`` takes the first one, ``people.read_people`` each by itself.
 
 What reading and writing again does not keep:
 

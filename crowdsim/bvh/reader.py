@@ -123,7 +123,7 @@ def _check_tree(scanner: Scanner, tree: Hierarchy, names: tuple[str, ...], colum
     roots = [joint for joint, parent in enumerate(tree.parents) if parent < 0]
     if len(roots) > 1:
         shown = ", ".join(quoted(names[root]) for root in roots[:4]) + (" ..." if len(roots) > 4 else "")
-        what = f"{len(roots)} ROOTs ({shown}), only the first one's skeleton is used"
+        what = f"{len(roots)} ROOTs ({shown}): several people, #1 to #{len(roots)}"
         scanner.note(what, tree.places[roots[1]])
     bare = [joint for joint, offset in enumerate(tree.offsets) if offset is None]
     if bare:

@@ -11,7 +11,8 @@ from typing import cast, get_args
 
 import numpy as np
 
-from crowdsim.bvh.io import Bvh, read_bvh
+from crowdsim.bvh.file import Bvh
+from crowdsim.bvh.people import read_people
 from crowdsim.capture import units
 from crowdsim.capture.faults import FAULTS, Choice
 from crowdsim.capture.outcomes import Outcome, decide
@@ -117,16 +118,30 @@ class _Notes:
         self.faults.extend(what)
 
 
+def load_people(
+    path: FileName,
+    unit: str | float | None = None,
+    up_axis: str | None = None,
+    faults: Mapping[str, str | float] | None = None,
+) -> list[Capture]:
+    """Read a BVH file and find out what each person in it is; trees that are no people are left out where others are.
+
+    Arguments and errors are those of ``load_capture``.
+    """
+    captures = [_interpret(bvh, unit, up_axis, faults) for bvh in read_people(path)]
+    return [capture for capture in captures if capture.roles] or captures[:1]
+
+
 def load_capture(
     path: FileName,
     unit: str | float | None = None,
     up_axis: str | None = None,
     faults: Mapping[str, str | float] | None = None,
 ) -> Capture:
-    """Read a BVH file and find out what it is.
+    """Read a BVH file and find out what it is; of several people in it, the first.
 
     Args:
-        path: The file.
+        path: The file, or one person in it: ``capture.bvh#2``.
         unit: Its unit, a name of ``crowdsim.capture.units.UNITS`` or metres; found when None.
         up_axis: Its up axis, 'y' or '-z' say; found when None.
         faults: What is done about kinds of faults, instead of what is usual: "repair" them, sure or not; "keep" the
@@ -136,13 +151,13 @@ def load_capture(
         BvhError: The file is no BVH.
         MotionError: The given unit, axis or kind of fault is unknown.
     """
-    return _interpret(read_bvh(path), unit, up_axis, faults)
+    return load_people(path, unit, up_axis, faults)[0]
 
 
 def _interpret(
     bvh: Bvh, unit: str | float | None, up_axis: str | None, faults: Mapping[str, str | float] | None
 ) -> Capture:
-    """Find out what a file is."""
+    """Find out what one tree of joints in a file is."""
     scale = None if unit is None else units.parse_unit(unit)
     axis = None if up_axis is None else units.parse_up_axis(up_axis)
     choices = check_choices(faults or {})

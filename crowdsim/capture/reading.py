@@ -13,6 +13,7 @@ import numpy as np
 
 from crowdsim.bvh.file import FARTHEST
 from crowdsim.bvh.io import Bvh, rotate_up, to_clip
+from crowdsim.bvh.people import split_name
 from crowdsim.capture import units
 from crowdsim.capture.columns import path_of, with_path
 from crowdsim.capture.evidence import Evidence, gather_evidence
@@ -54,7 +55,8 @@ class Reading:
         bvh = self.bvh
         if bvh.motion.size and not np.abs(bvh.motion).max() <= FARTHEST:
             bvh = replace(bvh, motion=np.where(np.abs(bvh.motion) <= FARTHEST, bvh.motion, np.nan))
-        return to_clip(bvh)
+        file, number = split_name(bvh.path)
+        return replace(to_clip(bvh), name=file.stem if number is None else f"{file.stem}#{number}")
 
     @cached_property
     def samples(self) -> tuple[Array, Array]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from crowdsim.commands.figures_text import Row, count, length, number, percent, section
 from crowdsim.motion.strikes import REASONS, Rejection
 
 Figures = Mapping[str, Any]
+OUTCOMES = {"landed": "landed", "blocked": "blocked", "missed": "missed", "air": "thrown at the air"}
 
 
 def capture_lines(figures: Figures) -> list[str]:
@@ -18,6 +19,18 @@ def capture_lines(figures: Figures) -> list[str]:
     if figures["contacts"] is None:
         return lines
     return [*lines, *section("Feet", _feet(figures)), *section("Strikes", _strikes(figures))]
+
+
+def encounter_lines(encounters: Sequence[Figures]) -> list[str]:
+    """Return what became of the strikes between the people of a file; nothing without any."""
+    if not encounters:
+        return []
+    counts = Counter(one["outcome"] for one in encounters)
+    rows: list[Row] = [("strikes", ", ".join(f"{amount} {OUTCOMES[outcome]}" for outcome, amount in counts.items()))]
+    for one in encounters:
+        who = f"{one['attacker']}, {_striker(one['limb']):10} at {one['victim']}"
+        rows.append((f"at {one['seconds']:.2f} s", f"{who}: {OUTCOMES[one['outcome']]}"))
+    return section("Between people", rows)
 
 
 def _file(figures: Figures) -> list[Row]:

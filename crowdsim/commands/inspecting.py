@@ -44,13 +44,14 @@ def inspect(
 
     Where numbers of a BVH file are missing or wrong, or it is not to be trained on, the exit code is 2.
     """
+    from crowdsim.bvh.people import split_name
     from crowdsim.runs.archive import is_archive
 
     path = Path(thing)
     if (path.is_dir() and not (path / "policy.json").exists()) or is_archive(path):
         with opened_run(path) as folder:
             _inspect_run(folder, as_json, plots, force)
-    elif path.is_file() and path.suffix not in (".yaml", ".yml"):
+    elif split_name(path)[0].is_file() and path.suffix not in (".yaml", ".yml"):
         _inspect_bvh(path, as_json, plots, (unit, up, _choices(faults or [])), force)
     elif path.suffix.lower() == ".bvh":
         raise CrowdsimError(f"{path}: no such file")
@@ -143,18 +144,28 @@ def _inspect_bvh(
     given: tuple[str | None, str | None, dict[str, str | float]],
     force: bool,
 ) -> None:
-    from crowdsim.capture.loading import load_capture, with_path
+    from crowdsim.capture.encounters import describe_encounters, find_encounters
+    from crowdsim.capture.loading import load_people, with_path
     from crowdsim.capture.report import describe_capture
-    from crowdsim.commands.capture_text import capture_lines
+    from crowdsim.commands.capture_text import capture_lines, encounter_lines
 
-    capture = load_capture(path, *given)
-    result = describe_capture(capture)
+    people = load_people(path, *given)
+    figures = [describe_capture(capture) for capture in people]
+    encounters = describe_encounters(people, find_encounters(people))
     if plots is not None:
         from crowdsim.capture.plots import plot_capture
 
-        _draw(plots, path, lambda place: plot_capture(capture, place), force)
-    _print(path, result, capture_lines, as_json)
-    for finding in [] if as_json else result["findings"]:
-        print(with_path(finding, path), file=sys.stderr)
-    if capture.bvh.faults or any(outcome.refused for outcome in capture.diagnoses):
+        if len(people) > 1:
+            raise CrowdsimError(f"{path}: --plots draws one person, expected {people[0].clip.source} or another number")
+        _draw(plots, path, lambda place: plot_capture(people[0], place), force)
+    if as_json:
+        print_json(figures[0] if len(people) == 1 else {"people": figures, "encounters": encounters})
+    else:
+        for capture, result in zip(people, figures, strict=True):
+            _print(Path(capture.clip.source), result, capture_lines, False)
+            for finding in result["findings"]:
+                print(with_path(finding, capture.clip.source), file=sys.stderr)
+        for line in encounter_lines(encounters):
+            print(line)
+    if any(capture.bvh.faults or any(one.refused for one in capture.diagnoses) for capture in people):
         sys.exit(2)

@@ -43,6 +43,7 @@ def render(
     force: Force = False,
 ) -> None:
     """Render runs and BVH files to PNG, MP4 and contact sheets."""
+    from crowdsim.bvh.people import split_name
     from crowdsim.compilation import watch_compilation
     from crowdsim.render.batch import Place
     from crowdsim.render.command import parse_size, render_many
@@ -84,10 +85,10 @@ def render(
         outs = [out]
     else:
         outs = [
-            out / thing.stem
+            out / _without_suffix(thing).name
             if out is not None
-            else thing.with_suffix("")
-            if thing.suffix.lower() == ".bvh" or thing.is_file()
+            else _without_suffix(thing)
+            if split_name(thing)[0].suffix.lower() == ".bvh" or thing.is_file()
             else thing
             for thing in things
         ]
@@ -106,3 +107,11 @@ def render(
     if failed:
         error = failed[0].error
         sys.exit(1 if len(things) > 1 or error is None else error.exit_code)
+
+
+def _without_suffix(thing: Path) -> Path:
+    """Return a path without its suffix: ``capture#2`` for ``capture.bvh#2``."""
+    from crowdsim.bvh.people import split_name
+
+    file, number = split_name(thing)
+    return file.with_suffix("") if number is None else file.with_name(f"{file.stem}#{number}")

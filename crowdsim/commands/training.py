@@ -116,6 +116,9 @@ def _write_recipe(name: str, mocap: Path | None, behaviours: str | None) -> Path
     path = write_recipe(name, survey, behaviours.split(",") if behaviours else BEHAVIOURS)
     for file in survey.left_out:
         note(f"{survey.folder / file.name}: left out: {file.reason}")
+    for file in survey.used:
+        if file.change:
+            note(f"{survey.folder / file.name}: brought to the skeleton of the others: {file.change}")
     strikes = sum(survey.strikes)
     files = len(survey.used) + len(survey.left_out)
     note(f"{path}: written for {len(survey.used)} of {files} files, {survey.seconds:.1f} s with {strikes} strikes")
@@ -129,6 +132,8 @@ def _print_summary(summary: dict[str, Any]) -> None:
     clips = f"{motion['clips']} clip{'s' * (motion['clips'] != 1)}"
     kept = motion["frames_kept"] / max(motion["frames"], 1)
     print(f"  motion      {clips}, {motion['seconds']:.1f} s, {kept:.0%} of it used{mirrored}")
+    for clip, change in summary["retargeted"].items():
+        print(f"  retargeted  {clip}: {change}")
     print(f"  strikes     {strikes['count']}" + (f", {strikes['used_share']:.0%} used" if strikes["count"] else ""))
     names = {"by_kind": "by kind", "by_hand": "by hand", "by_foot": "by foot", "by_height": "aimed at"}
     for key, words in names.items():

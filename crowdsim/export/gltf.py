@@ -244,8 +244,8 @@ class GltfSink:
             ):
                 outputs, where = document.reserve(self._frames, len(animated), dtype, 4)
                 setattr(place, slot, where)
-                for joint, output in zip(animated, outputs, strict=True):
-                    animate(first + 1 + int(joint), "rotation", output)
+                for joint, output in zip(animated.tolist(), outputs, strict=True):
+                    animate(first + 1 + joint, "rotation", output)
             self._places[number] = place
             if not rows.all():
                 changes = np.append(0, np.flatnonzero(np.diff(rows)) + 1)
@@ -271,7 +271,7 @@ class GltfSink:
             beyond = np.zeros(len(parents), bool)
             for joint, parent in enumerate(parents):
                 beyond[joint] = parent >= 0 and (beyond[parent] or parent in ends)
-            for joint in np.flatnonzero(beyond):
+            for joint in np.flatnonzero(beyond).tolist():
                 own = np.asarray(database.rotations[:, joint])
                 moving[joint] = bool(np.ptp(own, axis=0).max() > _STILL)
                 still[joint] = own[0]

@@ -58,4 +58,5 @@ def foot_swing(tracks: Tracks, foot: int, size: float, fps: float) -> Swing:
         stretched=np.linalg.norm(out, axis=1) > _STRETCHED * size,
         opposite=np.ones(len(mine), bool),
         near=np.inf,
+        ahead=np.zeros(len(mine)),
     )

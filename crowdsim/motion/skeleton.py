@@ -7,6 +7,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.motion.joint_names import plain_names
+
+_SHOWN = 6
+"""Joints named in a difference of skeletons."""
 
 
 @dataclass(frozen=True)
@@ -49,22 +53,39 @@ class Skeleton:
         return replace(self, offsets=self.offsets * factor, end_offsets=self.end_offsets * factor)
 
     def difference(self, other: Skeleton, tolerance: float = 0.005) -> str:
-        """Return the first difference to another skeleton in words, or nothing; offsets to ``tolerance`` [m]."""
-        if self.joint_count != other.joint_count:
-            missing = [name for name in self.names if name not in other.names]
-            more = [name for name in other.names if name not in self.names]
-            which = f"; without {missing[0]!r}" if missing else f"; with {more[0]!r}" if more else ""
-            return f"{other.joint_count} joints, expected {self.joint_count}{which}"
-        for joint, (ours, theirs) in enumerate(zip(self.names, other.names, strict=True)):
-            if ours != theirs:
-                return f"joint {joint} is {theirs!r}, expected {ours!r}"
-            if self.parents[joint] != other.parents[joint]:
-                expected = self.names[self.parents[joint]] if self.parents[joint] >= 0 else "no parent"
-                return f"joint {theirs!r} hangs on another joint than {expected!r}"
-            gap = float(np.abs(self.offsets[joint] - other.offsets[joint]).max()) if self.parents[joint] >= 0 else 0.0
-            if gap > tolerance:
-                return f"offset of joint {theirs!r} differs by {gap:.3f} m"
-        return ""
+        """Return in words how another skeleton differs, or nothing; a prefix that all names have is no difference.
+
+        Args:
+            other: The other skeleton.
+            tolerance: Greatest difference of an offset that is none [m].
+        """
+        ours, theirs = plain_names(self.names), plain_names(other.names)
+        if len(ours) != len(theirs):
+            missing = [name for name in ours if name not in theirs]
+            more = [name for name in theirs if name not in ours]
+            which = f"; without {_listed(missing)}" if missing else f"; with {_listed(more)}" if more else ""
+            return f"{len(theirs)} joints, expected {len(ours)}{which}"
+        renamed = [
+            f"joint {j} is {b!r}, expected {a!r}" for j, (a, b) in enumerate(zip(ours, theirs, strict=True)) if a != b
+        ]
+        if renamed:
+            return _listed(renamed)
+        for joint in np.flatnonzero(self.parents != other.parents).tolist():
+            expected = repr(ours[self.parents[joint]]) if self.parents[joint] >= 0 else "no parent"
+            return f"joint {theirs[joint]!r} hangs on another joint than {expected}"
+        gaps = np.where(self.parents >= 0, np.abs(self.offsets - other.offsets).max(axis=1), 0.0)
+        lengths = [np.linalg.norm(one.offsets, axis=1) for one in (other, self)]
+        apart = [
+            f"{theirs[joint]!r} by {100.0 * gaps[joint]:.1f} cm "
+            f"({100.0 * lengths[0][joint]:.1f} cm long, expected {100.0 * lengths[1][joint]:.1f} cm)"
+            for joint in np.flatnonzero(gaps > tolerance).tolist()
+        ]
+        return "offsets of joints differ: " + _listed(apart) if apart else ""
+
+
+def _listed(words: list[str]) -> str:
+    more = f" and {len(words) - _SHOWN} more" if len(words) > _SHOWN else ""
+    return ", ".join(words[:_SHOWN]) + more
 
 
 @dataclass(frozen=True)

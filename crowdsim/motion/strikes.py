@@ -123,6 +123,7 @@ def fist_swing(tracks: Tracks, hand: int, size: float, fps: float) -> Swing:
 
     centre = tracks.shoulders.mean(axis=1)
     everywhere = np.ones(len(centre), bool)
+    opposite, ahead = _opposite(tracks, hand, size, fps) if fps >= _RESOLVED else (everywhere, np.zeros(len(centre)))
     return Swing(
         speed=fist_speed(tracks, hand, fps),
         reach=gaussian_filter1d(np.linalg.norm(tracks.fists[:, hand] - centre, axis=1), 0.01 * fps),
@@ -130,13 +131,14 @@ def fist_swing(tracks: Tracks, hand: int, size: float, fps: float) -> Swing:
         least_gain=MINIMUM_GAIN * size,
         raised=everywhere,
         stretched=everywhere,
-        opposite=_opposite(tracks, hand, size, fps) if fps >= _RESOLVED else everywhere,
+        opposite=opposite,
         near=_NEAR * size,
+        ahead=ahead,
     )
 
 
-def _opposite(tracks: Tracks, hand: int, size: float, fps: float) -> Array:
-    """Return where a fist at its furthest reach goes to where an opponent could stand. Shape (F,), bool."""
+def _opposite(tracks: Tracks, hand: int, size: float, fps: float) -> tuple[Array, Array]:
+    """Return where a fist at its furthest reach goes to where an opponent could stand, and how far ahead it is [m]."""
     from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
     fist, centre = tracks.fists[:, hand], tracks.shoulders.mean(axis=1)
@@ -159,7 +161,7 @@ def _opposite(tracks: Tracks, hand: int, size: float, fps: float) -> Array:
         met |= (ahead > _AHEAD) & (aside < _ASIDE) & soon((ahead > _AHEAD_SOON) & (aside < _ASIDE_SOON))
     height = fist[:, 1]
     met &= (height > tracks.pelvises[:, 1]) & (height < tracks.heads[:, 1] + _OVER_HEAD * size)
-    return np.asarray(met & soon(seen(trunk)[1] < _BESIDE))
+    return np.asarray(met & soon(seen(trunk)[1] < _BESIDE)), np.asarray(seen(steady)[0] * size)
 
 
 def find_strikes(tracks: Tracks, height: float, fps: float, limbs: Sequence[int] = HANDS) -> Strikes:

@@ -16,6 +16,8 @@ _OVER = 0.06
 """How long after its furthest reach a hook's fist may still be at its fastest [s]."""
 _CROSSING = 0.8
 """Share of its peak speed that such a fist has at the furthest reach: it crosses there, and does not turn back."""
+_DRAWN = 0.25
+"""How long after a fist was drawn back, behind the body, it may be at its fastest as it strikes [s]."""
 _ARRIVED = 0.05
 """Share of its peak speed below which a fist that still creeps outwards has arrived: held punches creep on."""
 
@@ -52,6 +54,7 @@ class Swing:
         stretched: Where the limb is stretched enough for a strike. Shape (F,).
         opposite: Where a strike that reaches furthest in a frame goes to where an opponent could stand. Shape (F,).
         near: How far out it may be where the swing begins [m].
+        ahead: How far ahead of the body it is, where fists are drawn back before they strike [m]. Shape (F,).
     """
 
     speed: Array
@@ -62,13 +65,15 @@ class Swing:
     stretched: Array
     opposite: Array
     near: float
+    ahead: Array
 
 
 def judge_swings(swing: Swing, fps: float) -> tuple[list[tuple[int, int]], list[tuple[int, Rejection]]]:
     """Return the strikes of a limb, and the swings that are none.
 
     A strike is a peak of speed, after which the reach comes to a local maximum that lies well beyond where the swing
-    began; a returning limb is fast too, but its reach only falls.
+    began; a returning limb is fast too, but its reach only falls. So does that of a fist that was drawn back behind
+    the body: it strikes where it is furthest ahead.
 
     Args:
         swing: What the limb does.
@@ -86,6 +91,13 @@ def judge_swings(swing: Swing, fps: float) -> tuple[list[tuple[int, int]], list[
             rejected.append((peak, verdict))
         elif verdict is not None:
             found.append((verdict, peak))
+    for back in [peak for peak, reason in rejected if reason is Rejection.AWAY]:
+        peak = next((at for at, why in rejected if why is Rejection.NO_REACH and 0 < at - back <= _DRAWN * fps), None)
+        frame = None if peak is None else _from_behind(back, peak, swing, fps)
+        if peak is not None and frame is not None:
+            found.append((frame, peak))
+            rejected = [(at, why) for at, why in rejected if at not in (back, peak)]
+    found.sort()
     kept = _apart(found, swing.speed, fps)
     return kept, rejected + [(peak, Rejection.REPEATED) for frame, peak in found if (frame, peak) not in kept]
 
@@ -119,6 +131,15 @@ def _judge(peak: int, swing: Swing, fps: float) -> int | Rejection | None:
     if not swing.stretched[frame]:
         return Rejection.BENT
     return frame if swing.opposite[frame] else Rejection.AWAY
+
+
+def _from_behind(back: int, peak: int, swing: Swing, fps: float) -> int | None:
+    """Frame where a fist that was drawn back is furthest ahead after a speed peak; None where it does not strike."""
+    stop = min(len(swing.reach) - 1, peak + round(_AFTER * fps))
+    frame = peak + int(np.argmax(swing.ahead[peak : stop + 1]))
+    gain = swing.ahead[frame] - swing.ahead[back:peak].min()
+    strikes = peak < frame < stop and swing.speed[peak] >= swing.speed[back] and gain >= swing.least_gain
+    return frame if strikes and swing.opposite[frame] else None
 
 
 def _furthest(peak: int, swing: Swing, fps: float) -> int | Rejection:

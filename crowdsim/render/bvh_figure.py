@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from crowdsim.capture.loading import load_capture, with_path
+from crowdsim.capture.loading import Capture, load_people, with_path
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import BvhError
 from crowdsim.motion.analysis import on_floor
@@ -146,38 +146,139 @@ def clip_source(clip: Clip, figure: Figure | None = None, grounds: Array | None 
     )
 
 
-def bvh_source(path: FileName, fps: float | None = None, lead_in: bool = False) -> tuple[ClipSource, tuple[str, ...]]:
+@dataclass(frozen=True)
+class PeopleSource:
+    """Several figures that perform clips of one file side by side; a ``PoseSource``.
+
+    Attributes:
+        name: What they are called in captions.
+        people: A source of one figure each, all of one rate.
+    """
+
+    name: str
+    people: Sequence[ClipSource]
+
+    @property
+    def fingerprint(self) -> str:
+        """Differs whenever a picture would."""
+        return hashlib.sha256("".join(one.fingerprint for one in self.people).encode()).hexdigest()
+
+    @property
+    def fps(self) -> float:
+        """Frames a second."""
+        return self.people[0].fps
+
+    @property
+    def frame_count(self) -> int:
+        """Number of frames, of the shortest clip."""
+        return min(one.frame_count for one in self.people)
+
+    @property
+    def avatar_names(self) -> Sequence[str]:
+        """Name of each figure."""
+        return tuple(one.name for one in self.people)
+
+    @property
+    def avatar_teams(self) -> Array:
+        """Number of each figure's team."""
+        return np.concatenate([one.avatar_teams for one in self.people])
+
+    @property
+    def avatar_scales(self) -> Array:
+        """Size of each figure."""
+        return np.ones(len(self.people))
+
+    @property
+    def avatar_girths(self) -> Array:
+        """How thick each figure is."""
+        return np.ones(len(self.people))
+
+    @property
+    def avatar_stretches(self) -> Array:
+        """How long the bones of each figure are."""
+        return np.ones((len(self.people), 3))
+
+    @property
+    def avatar_heights(self) -> Array:
+        """How high each figure reaches [m]."""
+        return np.concatenate([one.avatar_heights for one in self.people])
+
+    @property
+    def figures(self) -> Sequence[Figure]:
+        """The bodies, one of each."""
+        return tuple(one.figures[0] for one in self.people)
+
+    @property
+    def avatar_figures(self) -> Array:
+        """Index of each figure's body."""
+        return np.arange(len(self.people), dtype=np.int32)
+
+    @property
+    def avatar_colours(self) -> Array:
+        """Colours of the figures: those of their teams."""
+        return np.full((len(self.people), 3), np.nan)
+
+    @property
+    def arena(self) -> Array:
+        """Return that the ground is open. Shape (5,)."""
+        return np.zeros(5)
+
+    def ground(self, frames: Array) -> Array:
+        """Return the ground transforms at some frames. Shape (n, N, 3)."""
+        return np.concatenate([one.ground(frames) for one in self.people], axis=1)
+
+    def poses(self, frame: int, shown: Shown | None = None) -> list[tuple[Array, Array]]:
+        """Return the poses at a frame, a pair a figure."""
+        return [pose for one in self.people for pose in one.poses(frame)]
+
+    def markers(self, frame: int) -> Array:
+        """Return that there is nothing but the figures."""
+        return np.zeros((0, 3))
+
+    def recent_strikes(self, frame: int) -> tuple[Array, Array, Array, Array]:
+        """Return that there are none."""
+        return no_strikes()
+
+
+def bvh_source(
+    path: FileName, fps: float | None = None, lead_in: bool = False
+) -> tuple[ClipSource | PeopleSource, tuple[str, ...]]:
     """Return a BVH file as a source of pictures, and findings about the file.
 
     A human body is measured and put on the floor; anything else gets capsules along its bones, is brought to a size
-    at which it can be seen where its unit is unknown, and put on its lowest point.
+    at which it can be seen where its unit is unknown, and put on its lowest point. Several people are drawn together.
 
     Args:
-        path: The file.
+        path: The file, or one of several people in it: ``capture.bvh#2``.
         fps: Frames a second; the file's own, halved until it is 60 at the most, by default.
         lead_in: Whether to show a calibration pose at the start too.
 
     Raises:
         BvhError: The file is no BVH, has no frame or has values that are not finite.
     """
-    capture = load_capture(path)
-    clip = capture.clip if lead_in else capture.motion
+    people = load_people(path)
+    start = 0 if lead_in else max(capture.lead_in for capture in people)
+    sources = [_person(capture, start, fps, team) for team, capture in enumerate(people)]
+    findings = dict.fromkeys(finding for capture in people for finding in capture.findings)
+    source = sources[0] if len(sources) == 1 else PeopleSource(Path(path).stem, sources)
+    return source, tuple(findings)
+
+
+def _person(capture: Capture, start: int, fps: float | None, team: int) -> ClipSource:
+    """Return one person of a file as a source of pictures, from a frame on."""
+    path = capture.clip.source
+    clip = capture.clip.sliced(start, capture.clip.frame_count)
     if clip.frame_count < 1:
         raise BvhError(with_path("no frames, expected motion to draw", path))
-    name = Path(path).stem
     if not np.isfinite(clip.rotations).all() or not np.isfinite(clip.root_positions).all():
         bad = ~(np.isfinite(clip.rotations).all(axis=(1, 2)) & np.isfinite(clip.root_positions).all(axis=1))
-        raise BvhError(f"{path}:1:1: frame {capture.lead_in + int(np.argmax(bad))} holds a value that is no number")
-    clip = _renamed(resample(clip, show_rate(clip.fps, fps)), name, str(path))
+        raise BvhError(f"{path}:1:1: frame {start + int(np.argmax(bad))} holds a value that is no number")
+    clip = resample(clip, show_rate(clip.fps, fps))
     if capture.body is not None:
         if clip.frame_count > 1:
             clip, _ = on_floor(clip, capture.body)
-        return clip_source(clip, capture.body, clip_tracks(clip, capture.body).ground), capture.findings
-    return clip_source(_settled(clip, capture.unit_scale is None)), capture.findings
-
-
-def _renamed(clip: Clip, name: str, source: str) -> Clip:
-    return replace(clip, name=name, source=source)
+        return clip_source(clip, capture.body, clip_tracks(clip, capture.body).ground, team)
+    return clip_source(_settled(clip, capture.unit_scale is None), team=team)
 
 
 def _settled(clip: Clip, free: bool) -> Clip:

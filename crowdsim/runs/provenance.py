@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
 
 _PACKAGES = ("numpy", "numba", "zarr", "numcodecs")
-_SOURCES = ("core", "crowd", "export", "jit", "outputs", "policy", "preparation", "render", "runs", "scenario", "take")
+_SOURCES = tuple("body core crowd export jit outputs policy poses preparation render runs scenario take".split())
 """Folders of the package whose code decides what a run writes, beside what its policies' fingerprints cover."""
 _DIFFERENCE_LINES = 40
 

@@ -174,7 +174,8 @@ def _head(survey: Survey, mirror: bool, place: Path) -> str:
     ]
     for file in survey.used:
         own = sum(file.strikes)
-        lines.append(f"      - {_scalar(file.name)} # {file.seconds:.1f} s, {own} strike{'s' * (own != 1)}")
+        what = f"{file.seconds:.1f} s, {own} strike{'s' * (own != 1)}" + "; another skeleton" * bool(file.change)
+        lines.append(f"      - {_scalar(file.name)} # {what}")
     lines += [f"      # left out: {_comment(f'{file.name}: {file.reason}')}" for file in survey.left_out]
     lines.append(f"  mirror: {str(mirror).lower()} # add the mirror image of every clip")
     if sum(struck[limb] for limb in ALL_LIMBS if limb not in HANDS):

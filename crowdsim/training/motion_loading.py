@@ -19,16 +19,27 @@ class _TakesNotes(Protocol):
         """Show a line."""
 
 
-def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None = None) -> MotionDatabase:
+def load_motion(
+    recipe: Recipe, files: Sequence[Path], progress: Progress | None = None, changes: dict[str, str] | None = None
+) -> MotionDatabase:
     """Return the motion database that a recipe asks for, from the given files or from the embedded boxer.
+
+    Clips of several skeletons are brought to the one with the longest motion.
+
+    Args:
+        recipe: The recipe.
+        files: Its files of capture.
+        progress: Called with (stage, done, total).
+        changes: Gets what was changed of clips of other skeletons, in words, by name.
 
     Raises:
         MotionError: A file cannot be used: which, and why; or there are no strikes, and a behaviour needs them.
         BvhError: A file is no BVH.
     """
-    from crowdsim.capture.loading import Capture, load_capture, usable_clips, with_path
+    from crowdsim.capture.loading import Capture, load_people, usable_clips, with_path
     from crowdsim.motion.database import build_database
     from crowdsim.motion.measuring import MeasuredClip, measure_clips
+    from crowdsim.motion.retargeting import to_one_skeleton
     from crowdsim.performer.session import perform
     from crowdsim.training.no_strikes_report import require_no_strikes
 
@@ -49,13 +60,18 @@ def load_motion(recipe: Recipe, files: Sequence[Path], progress: Progress | None
     else:
         assert source is not None
         for done, path in enumerate(files, start=1):
-            captures.append(load_capture(path, source.unit, source.up_axis, source.faults))
-            if isinstance(progress, _TakesNotes):
-                for finding in captures[-1].findings:
-                    progress.note(with_path(finding, path))
-            clips.extend(usable_clips(captures[-1], source.strict))
+            people = load_people(path, source.unit, source.up_axis, source.faults)
+            captures.extend(people)
+            for capture in people:
+                if isinstance(progress, _TakesNotes):
+                    for finding in capture.findings:
+                        progress.note(with_path(finding, capture.clip.source))
+                clips.extend(usable_clips(capture, source.strict))
             if progress is not None:
                 progress("read capture", done, len(files))
+        clips, brought = to_one_skeleton(clips)
+        if changes is not None:
+            changes.update({name: change.describe() for name, change in brought.items()})
     database = build_database(
         clips,
         recipe.control_rate,

@@ -61,7 +61,8 @@ class CaptureSource(StrictModel):
     clips: list[ClipName] = Field(
         min_length=1,
         max_length=10_000,
-        description="Files, or patterns with * for several, below the folder of capture.",
+        description="Files, or patterns with * for several, below the folder of capture; FILE.bvh#2 is the second of "
+        "several people in a file.",
     )
     folder: str | None = Field(
         default=None,

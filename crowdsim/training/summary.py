@@ -21,9 +21,10 @@ def summarise(statistics: Mapping[str, Any], recipe: Path) -> dict[str, Any]:
         recipe: Its recipe.
 
     Returns:
-        ``motion``: clips, seconds, mirrored, control frames, those that the graph keeps. ``strikes``: how many, by
-        hand, foot, kind and height, mirror images left out, and the share that the graph keeps. ``states`` and
-        ``actions`` of the graph. ``reach``: distances from which strikes reach a head, and heights of fists and feet
+        ``motion``: clips, seconds, mirrored, control frames, those that the graph keeps. ``retargeted``: what was
+        changed of clips of other skeletons, by name. ``strikes``: how many, by hand, foot, kind and
+        height, mirror images left out, and the share that the graph keeps. ``states`` and ``actions`` of the graph.
+        ``reach``: distances from which strikes reach a head, and heights of fists and feet
         [m]; None without strikes. ``falls``: directions of falls and staggers [rad]; None without falls.
         ``sustained_speed`` [m/s]. ``success`` of each behaviour. ``weaknesses``: what, and what to do about it.
         ``named``: whether scenarios find the policy. ``next``: a command to type.
@@ -34,6 +35,7 @@ def summarise(statistics: Mapping[str, Any], recipe: Path) -> dict[str, Any]:
     reach = {"distance": strikes["striking_range"], "height": list(strikes["reach"]["height"])} if strikes else None
     return {
         "motion": {key: motion[key] for key in ("clips", "seconds", "mirrored", "frames", "frames_kept")},
+        "retargeted": statistics.get("retargeted", {}),
         "strikes": {"count": motion["strikes"], **counts},
         "states": graph["states"],
         "actions": graph["actions"],

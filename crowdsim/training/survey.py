@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from crowdsim.capture.loading import LEAST_SECONDS, load_capture, usable_clips, without_path
+from crowdsim.capture.loading import LEAST_SECONDS, Capture, load_capture, load_people, usable_clips, without_path
 from crowdsim.core.types import FileName, Progress
 from crowdsim.errors import BvhError, MotionError, PolicyError
+from crowdsim.motion.measuring import MeasuredClip
+from crowdsim.motion.retargeting import retarget
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.motion.strikes import ALL_LIMBS, LIMBS
 from crowdsim.training.fingerprint import bvh_files
 from crowdsim.training.no_strikes_report import Fists, measure_fists
-
-_SHOWN = 4
 
 
 @dataclass(frozen=True)
@@ -22,12 +22,13 @@ class SurveyedFile:
     """A BVH file of a folder.
 
     Attributes:
-        name: Its path below the folder, with forward slashes.
+        name: Its path below the folder, with forward slashes; with its number where it is one of several people.
         reason: Why it cannot be trained on; empty when it can.
         seconds: Its motion without the lead-in [s].
         strikes: Strikes found in it by limb, in the order of ``motion.strikes.LIMBS``.
         fists: How fast its fists are; None where that is not known.
         skeleton: Its skeleton; None where it cannot be trained on.
+        change: What is changed to bring it to the skeleton of most motion, in words; empty when it has that one.
     """
 
     name: str
@@ -36,6 +37,7 @@ class SurveyedFile:
     strikes: tuple[int, ...] = (0,) * len(LIMBS)
     fists: Fists | None = None
     skeleton: Skeleton | None = None
+    change: str = ""
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,8 @@ class Survey:
 def survey_capture(folder: FileName, progress: Progress | None = None) -> Survey:
     """Return which BVH files of a folder, and of all folders in it, can be trained on together.
 
-    Where skeletons differ, those are taken that more than half of the usable files have.
+    Files with other skeletons than most of the motion has note what is changed to bring them to that one; they are
+    left out where they are too unlike. Each of several people in a file is a file of the survey.
 
     Args:
         folder: The folder.
@@ -74,7 +77,7 @@ def survey_capture(folder: FileName, progress: Progress | None = None) -> Survey
 
     Raises:
         PolicyError: There is no such folder, or no BVH file in it.
-        MotionError: No file can be used: each with its reason; or no skeleton is that of most files.
+        MotionError: No file can be used: each with its reason.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -82,21 +85,23 @@ def survey_capture(folder: FileName, progress: Progress | None = None) -> Survey
     paths = bvh_files(folder)
     if not paths:
         raise PolicyError(f"{folder}: holds no BVH file, nor does a folder in it")
-    files = []
-    for path in paths:
-        files.append(_survey_file(path, path.relative_to(folder).as_posix()))
+    files: list[SurveyedFile] = []
+    for done, path in enumerate(paths, start=1):
+        files.extend(_survey_file(path, path.relative_to(folder).as_posix()))
         if progress is not None:
-            progress("survey capture", len(files), len(paths))
+            progress("survey capture", done, len(paths))
     groups = group_by_skeleton([file for file in files if not file.reason])
     if not groups:
         lines = "\n".join(f"  {file.name}: {file.reason}" for file in files)
         raise MotionError(f"{folder}: none of its BVH files can be trained on\n{lines}")
-    most = max(groups, key=len)
-    if 2 * len(most) <= sum(map(len, groups)):
-        raise MotionError(_describe_groups(folder, groups))
+    most = max(groups, key=lambda group: sum(file.seconds for file in group))
     names = {file.name for file in most}
-    left_out = [file if file.reason else _of_another(file, most[0]) for file in files if file.name not in names]
-    return Survey(folder, tuple(most), tuple(left_out))
+    target = None if len(groups) == 1 else _measured(folder / most[0].name)
+    files = [
+        file if file.reason or file.name in names or target is None else _brought(folder, file, target)
+        for file in files
+    ]
+    return Survey(folder, tuple(one for one in files if not one.reason), tuple(one for one in files if one.reason))
 
 
 def group_by_skeleton(files: Sequence[SurveyedFile]) -> list[list[SurveyedFile]]:
@@ -104,7 +109,9 @@ def group_by_skeleton(files: Sequence[SurveyedFile]) -> list[list[SurveyedFile]]
     groups: list[list[SurveyedFile]] = []
     for file in files:
         for group in groups:
-            if not _difference(group[0], file):
+            assert file.skeleton is not None
+            assert group[0].skeleton is not None
+            if not group[0].skeleton.difference(file.skeleton):
                 group.append(file)
                 break
         else:
@@ -112,12 +119,22 @@ def group_by_skeleton(files: Sequence[SurveyedFile]) -> list[list[SurveyedFile]]
     return groups
 
 
-def _survey_file(path: Path, name: str) -> SurveyedFile:
+def _survey_file(path: Path, name: str) -> list[SurveyedFile]:
+    """Return what a file holds: one entry, or one for each of several people."""
     try:
-        capture = load_capture(path)
-        clip = usable_clips(capture)[0].clip
+        people = load_people(path)
     except (BvhError, MotionError) as error:
-        return SurveyedFile(name, _first_line(str(error), path))
+        return [SurveyedFile(name, _first_line(str(error), path))]
+    if len(people) == 1 and people[0].clip.source == str(path):
+        return [_survey_person(people[0], name)]
+    return [_survey_person(one, name + one.clip.source.removeprefix(str(path))) for one in people]
+
+
+def _survey_person(capture: Capture, name: str) -> SurveyedFile:
+    try:
+        clip = usable_clips(capture)[0].clip
+    except MotionError as error:
+        return SurveyedFile(name, _first_line(str(error), capture.clip.source))
     motion = capture.motion
     if motion.seconds < LEAST_SECONDS:
         return SurveyedFile(name, f"{motion.seconds:.2f} s after the lead-in, expected {LEAST_SECONDS:.2f} s or more")
@@ -128,29 +145,20 @@ def _survey_file(path: Path, name: str) -> SurveyedFile:
     return SurveyedFile(name, "", motion.seconds, strikes, measure_fists(name, capture), clip.skeleton)
 
 
-def _first_line(message: str, path: Path) -> str:
+def _measured(path: Path) -> MeasuredClip:
+    return usable_clips(load_capture(path))[0]
+
+
+def _brought(folder: Path, file: SurveyedFile, target: MeasuredClip) -> SurveyedFile:
+    """Return a file with what is changed when it is brought to another skeleton, or why it cannot be."""
+    try:
+        return replace(file, change=retarget(_measured(folder / file.name), target).describe())
+    except MotionError as error:
+        return replace(file, reason=f"another skeleton: {error}")
+
+
+def _first_line(message: str, path: FileName) -> str:
     """Return the first of an error's lines without its path, and how many more there are."""
     lines = message.splitlines()
     more = f" (and {len(lines) - 1} more findings)" if len(lines) > 2 else " (and 1 more finding)" * (len(lines) - 1)
     return without_path(lines[0], str(path)) + more
-
-
-def _difference(first: SurveyedFile, other: SurveyedFile) -> str:
-    assert first.skeleton is not None
-    assert other.skeleton is not None
-    return first.skeleton.difference(other.skeleton)
-
-
-def _of_another(file: SurveyedFile, first: SurveyedFile) -> SurveyedFile:
-    return replace(file, reason=f"another skeleton than {first.name}: {_difference(first, file)}")
-
-
-def _describe_groups(folder: Path, groups: list[list[SurveyedFile]]) -> str:
-    """Return in words that no skeleton is that of most files, and which there are."""
-    lines = [f"{folder}: its files have {len(groups)} skeletons, none of them that of most files; expected one"]
-    for group in sorted(groups, key=lambda group: -len(group)):
-        names = ", ".join(file.name for file in group[:_SHOWN]) + (", ..." if len(group) > _SHOWN else "")
-        files = "1 file" if len(group) == 1 else f"{len(group)} files"
-        lines.append(f"  {files}, {sum(file.seconds for file in group):.1f} s: {names}")
-    lines.append("  put the files of one skeleton into a folder of their own, and give that by --mocap DIR")
-    return "\n".join(lines)

@@ -211,7 +211,8 @@ def train_policy(
         started = time.perf_counter()
         files = capture_files(recipe, mocap)
         prints = fingerprints_of(recipe, files)
-        database = load_motion(recipe, files, progress)
+        changes: dict[str, str] = {}
+        database = load_motion(recipe, files, progress, changes)
         moved = time.perf_counter()
         body = target_body(database)
         graph = build_graph(database, recipe.graph, progress)
@@ -236,7 +237,7 @@ def train_policy(
             fingerprint=combine(prints),
             fingerprints=prints,
         )
-        statistics = policy_statistics(policy, solutions)
+        statistics = policy_statistics(policy, solutions) | ({"retargeted": changes} if changes else {})
         graph, actions, falls = add_falls(database, graph, actions, recipe.graph)
         seconds = None if recipe.rest is None else recipe.rest.seconds
         graph, actions, rests = add_rests(database, graph, actions, recipe.graph, seconds)

@@ -176,7 +176,7 @@ def test_all_roots_are_read_and_a_clip_takes_the_first():
     walk = bvh(text + "\n".join(f"{row} {row}" for row in rows))
     assert walk.names[::3] == ("Hips", "OtherHips")
     assert walk.parents.tolist() == [-1, 0, 0, -1, 3, 3]
-    assert walk.findings == ("walk.bvh:29:1: 2 ROOTs ('Hips', 'OtherHips'), only the first one's skeleton is used",)
+    assert walk.findings == ("walk.bvh:29:1: 2 ROOTs ('Hips', 'OtherHips'): several people, #1 to #2",)
     first, alone = to_clip(walk), to_clip(bvh(PLAIN))
     assert first.skeleton.names == alone.skeleton.names
     np.testing.assert_array_equal(first.skeleton.end_offsets, alone.skeleton.end_offsets)

@@ -143,6 +143,20 @@ def test_an_arm_that_swings_far_from_the_body_does_not_strike():
     assert {reason for _, reason in _rejections(swing)} == {Rejection.FAR}
 
 
+def test_a_fist_that_is_drawn_back_strikes_where_it_is_furthest_ahead():
+    places = np.array(
+        [GUARD, GUARD, [0.3, 0.98, -0.1], [0.35, 0.97, -0.1], [0.15, 1.15, 0.52], [0.15, 1.2, 0.45], GUARD]
+    )
+    at = [0.0, 1.2, 1.4, 1.45, 1.55, 1.7, 2.2]
+    fist = np.stack([np.interp(TIMES, at, column) for column in places.T], axis=1)
+    found = find_strikes(_tracks(fist, REST), 1.75, FPS)
+    assert found.frames.tolist() == [pytest.approx(93, abs=1)]
+    assert 87 <= found.peaks[0] < 93
+    assert found.positions[0, 2] > 0.5
+    slow = np.stack([np.interp(TIMES, [*at[:4], 1.9, 2.2, 2.6], column) for column in places.T], axis=1)
+    assert len(find_strikes(_tracks(slow, REST), 1.75, FPS).frames) == 0
+
+
 def test_arms_spread_by_a_body_that_spins_do_not_strike():
     tracks = _tracks(_swung(GUARD, [0.8, 1.45, 0.2]), REST)
     angle = 6.0 * TIMES

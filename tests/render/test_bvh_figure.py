@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from people import placed, together
 
+from crowdsim.bvh.io import write_bvh
 from crowdsim.errors import BvhError
 from crowdsim.performer.session import perform
 from crowdsim.render.bvh_figure import bvh_source, clip_source, show_rate
@@ -98,6 +100,24 @@ def test_a_value_that_is_no_number_is_named_by_its_frame():
 
     with pytest.raises(BvhError, match="frame 7 holds a value that is no number"):
         clip_source(replace(clip, root_positions=roots))
+
+
+def test_people_of_one_file_are_drawn_together(tmp_path):
+    clip = perform(2.0, 3)[0].clip
+    path = tmp_path / "pair.bvh"
+    write_bvh(path, together([clip, placed(clip, 0.0, 1.5, np.pi)], ["A:", "B:"]))
+    source, findings = bvh_source(path)
+    assert source.avatar_names == ("pair#1", "pair#2")
+    assert len(findings) == 1
+    assert source.frame_count == clip.frame_count
+    assert [len(positions) for positions, _ in source.poses(3)] == [1, 1]
+    assert source.ground(np.array([0, 5])).shape == (2, 2, 3)
+    picture = build_stage(source, (160, 96), "side", caption=False).picture(10).astype(int)
+    assert (picture[..., 0] - picture[..., 2] > 40).sum() > 40
+    assert (picture[..., 2] - picture[..., 0] > 60).sum() > 40
+    alone, _ = bvh_source(f"{path}#2")
+    assert alone.name == "pair#2"
+    np.testing.assert_array_equal(alone.poses(3)[0][0], source.poses(3)[1][0])
 
 
 @pytest.mark.mocap

@@ -71,3 +71,14 @@ def test_names_are_taken_literally_before_they_are_patterns(project):
     (project / "policies/odd.yaml").write_text(RECIPE.replace("- a.bvh", "- 'take [1].bvh'\n      - '*.bvh'"))
     found = capture_files(load_recipe(project / "policies/odd.yaml"))
     assert [path.name for path in found] == ["take [1].bvh", "a.bvh"]
+
+
+def test_a_recipe_may_name_one_of_several_people_in_a_file(project):
+    recipe = project / "policies/own.yaml"
+    recipe.write_text(RECIPE.replace("- a.bvh", "- a.bvh#2\n      - a.bvh"))
+    loaded = load_recipe(recipe)
+    found = capture_files(loaded)
+    assert [path.name for path in found] == ["a.bvh#2", "a.bvh"]
+    prints = fingerprints_of(loaded, found)["capture"]
+    (project / "clips/a.bvh").write_text("changed")
+    assert fingerprints_of(loaded, found)["capture"] != prints

@@ -1,11 +1,16 @@
 """What a folder of capture holds: files in any layout, those that are left out with their reasons, and skeletons."""
 
+import re
 from pathlib import Path
 
 import pytest
+import yaml
+from people import together
 
+from crowdsim.bvh.io import write_bvh
 from crowdsim.errors import MotionError, PolicyError
-from crowdsim.performer.session import write_performance
+from crowdsim.performer.session import perform, write_performance
+from crowdsim.training.fit_recipe import BEHAVIOURS, recipe_text
 from crowdsim.training.survey import survey_capture
 
 CHAIN = """HIERARCHY
@@ -63,7 +68,7 @@ def test_files_that_cannot_be_used_are_left_out_with_their_reason(tmp_path, clip
             "b.bvh": clip,
             "chain.bvh": CHAIN.encode(),
             "one.bvh": cut(clip, 1),
-            "other.bvh": clip.replace(b"LeftHand", b"HandOfLeft"),
+            "other.bvh": clip.replace(b"OFFSET 0 -41 0", b"OFFSET 0 -80 0"),
             "rows.bvh": clip.replace(b"Frames: 240", b"Frames: 250"),
             "short.bvh": cut(clip, 5),
             "text.bvh": b"Once upon a time\n",
@@ -74,7 +79,8 @@ def test_files_that_cannot_be_used_are_left_out_with_their_reason(tmp_path, clip
     assert {file.name: file.reason for file in survey.left_out} == {
         "chain.bvh": "line 1, column 1: no human body found in 1 joints: Base (and 1 more finding)",
         "one.bvh": "line 1, column 1: a single frame, expected motion",
-        "other.bvh": "another skeleton than a.bvh: joint 9 is 'HandOfLeft', expected 'LeftHand'",
+        "other.bvh": "another skeleton: 'other' is unlike 'a': shank (LeftLeg to LeftFoot) of 80.0 cm at a height of "
+        "2.22 m, expected about 51.9 cm",
         "rows.bvh": "line 133, column 9: 240 rows of motion, Frames: says 250",
         "short.bvh": "0.08 s after the lead-in, expected 0.20 s or more",
         "text.bvh": "line 1, column 1: found 'Once', expected 'HIERARCHY'",
@@ -96,16 +102,28 @@ def test_a_folder_without_a_usable_file_is_refused_with_every_reason(tmp_path, c
     ]
 
 
-def test_skeletons_of_which_none_is_that_of_most_files_are_refused_with_the_choices(tmp_path, clip):
-    other = clip.replace(b"LeftHand", b"HandOfLeft")
-    fill(tmp_path, {"a.bvh": clip, "b.bvh": clip, "c.bvh": other, "d.bvh": other})
-    with pytest.raises(MotionError) as error:
-        survey_capture(tmp_path)
-    assert str(error.value).splitlines() == [
-        f"{tmp_path}: its files have 2 skeletons, none of them that of most files; expected one",
-        "  2 files, 8.0 s: a.bvh, b.bvh",
-        "  2 files, 8.0 s: c.bvh, d.bvh",
-        "  put the files of one skeleton into a folder of their own, and give that by --mocap DIR",
+def test_files_of_other_skeletons_are_used_with_what_is_changed(tmp_path, clip):
+    sam = re.sub(rb"(ROOT|JOINT) ", rb"\1 Sam_", clip)
+    longer = clip.replace(b"OFFSET 26.2 0 0", b"OFFSET 27 0 0").replace(b"OFFSET -26.2 0 0", b"OFFSET -27 0 0")
+    fill(tmp_path, {"a.bvh": clip, "b.bvh": sam, "c.bvh": longer, "d.bvh": cut(longer, 200)})
+    survey = survey_capture(tmp_path)
+    assert [file.name for file in survey.used] == ["a.bvh", "b.bvh", "c.bvh", "d.bvh"]
+    assert survey.left_out == ()
+    assert [file.change for file in survey.used] == [
+        "",
+        "",
+        *["as large, bones forearm -0.8 cm, soles within 0.0 cm, fists within 0.0 cm"] * 2,
     ]
-    fill(tmp_path, {"e.bvh": clip})
-    assert [file.name for file in survey_capture(tmp_path).used] == ["a.bvh", "b.bvh", "e.bvh"]
+    # The skeleton with the longest motion is that of all.
+    fill(tmp_path, {"e.bvh": longer, "f.bvh": longer})
+    assert [bool(file.change) for file in survey_capture(tmp_path).used] == [True, True, False, False, False, False]
+
+
+def test_each_of_several_people_in_a_file_is_surveyed(tmp_path):
+    clip = perform(4.0, 3)[0].clip
+    write_bvh(tmp_path / "pair.bvh", together([clip, clip], ["Red_", "Blue_"]))
+    survey = survey_capture(tmp_path)
+    assert [file.name for file in survey.used] == ["pair.bvh#1", "pair.bvh#2"]
+    assert survey.used[0].strikes == survey.used[1].strikes
+    recipe = yaml.safe_load(recipe_text(survey, BEHAVIOURS, tmp_path))
+    assert recipe["motion"]["capture"]["clips"] == ["pair.bvh#1", "pair.bvh#2"]
