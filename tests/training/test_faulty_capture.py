@@ -130,6 +130,6 @@ def test_a_recipe_with_an_unknown_fault_is_refused(tmp_path, faults, message):
     document = plain(recipe(["a.bvh"]))
     document["motion"]["capture"]["faults"] = faults
     (tmp_path / "me.yaml").write_text(yaml.safe_dump(document))
-    with pytest.raises(RecipeError, match="motion.capture.faults") as error:
+    with pytest.raises(RecipeError, match=r"motion\.capture\.faults") as error:
         load_recipe(tmp_path / "me.yaml")
     assert message in str(error.value)
