@@ -244,8 +244,8 @@ class GltfSink:
             ):
                 outputs, where = document.reserve(self._frames, len(animated), dtype, 4)
                 setattr(place, slot, where)
-                for joint, output in zip(animated, outputs, strict=True):
-                    animate(first + 1 + int(joint), "rotation", output)
+                for turned, output in zip(animated, outputs, strict=True):
+                    animate(first + 1 + int(turned), "rotation", output)
             self._places[number] = place
             if not rows.all():
                 changes = np.append(0, np.flatnonzero(np.diff(rows)) + 1)
@@ -269,8 +269,8 @@ class GltfSink:
             moving, still = np.ones(len(parents), bool), np.zeros((len(parents), 4))
             ends = [database.body.roles[role] for role in ("head", "left_hand", "right_hand")]
             beyond = np.zeros(len(parents), bool)
-            for joint, parent in enumerate(parents):
-                beyond[joint] = parent >= 0 and (beyond[parent] or parent in ends)
+            for child, parent in enumerate(parents):
+                beyond[child] = parent >= 0 and (beyond[parent] or parent in ends)
             for joint in np.flatnonzero(beyond):
                 own = np.asarray(database.rotations[:, joint])
                 moving[joint] = bool(np.ptp(own, axis=0).max() > _STILL)
