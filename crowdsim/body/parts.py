@@ -46,7 +46,7 @@ def wanted_lengths(binding: Binding, build: Build) -> Callable[[Array], Array]:
                   + [0, 0, 0.09 * size], 0.10, 0.017))  # fmt: skip
 
     def lengths(points: Array) -> Array:
-        found = np.full(len(points), 0.0255 * size)
+        found = np.full(len(points), 0.0262 * size)
         for centre, radius, length in spots:
             beyond = np.maximum(np.linalg.norm(points - centre, axis=1) - radius * size, 0.0)
             np.minimum(found, length * size + 0.28 * beyond, out=found)

@@ -207,11 +207,11 @@ class GltfSink:
             local[:joints][~moving] = still[~moving]
             for joint in range(joints + HELPERS):
                 below = [first + 1 + child for child, parent in enumerate(parents) if parent == joint]
-                w, x, y, z = (float(value) for value in local[joint].astype(np.float32))
+                w, x, y, z = (round(float(value), 6) for value in local[joint])
                 document.nodes.append({
                     "name": names_[joint],
-                    "translation": [float(value) for value in np.asarray(offsets[joint], np.float32)],
-                    "rotation": [x, y, z, w],
+                    "translation": [round(float(value), 7) for value in offsets[joint]],
+                    **({"rotation": [x, y, z, w]} if w != 1.0 else {}),
                     **({"children": below} if below else {}),
                 })  # fmt: skip
             document.json["skins"].append({
@@ -244,8 +244,8 @@ class GltfSink:
             ):
                 outputs, where = document.reserve(self._frames, len(animated), dtype, 4)
                 setattr(place, slot, where)
-                for joint, output in zip(animated.tolist(), outputs, strict=True):
-                    animate(first + 1 + joint, "rotation", output)
+                for turned, output in zip(animated, outputs, strict=True):
+                    animate(first + 1 + int(turned), "rotation", output)
             self._places[number] = place
             if not rows.all():
                 changes = np.append(0, np.flatnonzero(np.diff(rows)) + 1)
@@ -269,9 +269,9 @@ class GltfSink:
             moving, still = np.ones(len(parents), bool), np.zeros((len(parents), 4))
             ends = [database.body.roles[role] for role in ("head", "left_hand", "right_hand")]
             beyond = np.zeros(len(parents), bool)
-            for joint, parent in enumerate(parents):
-                beyond[joint] = parent >= 0 and (beyond[parent] or parent in ends)
-            for joint in np.flatnonzero(beyond).tolist():
+            for child, parent in enumerate(parents):
+                beyond[child] = parent >= 0 and (beyond[parent] or parent in ends)
+            for joint in np.flatnonzero(beyond):
                 own = np.asarray(database.rotations[:, joint])
                 moving[joint] = bool(np.ptp(own, axis=0).max() > _STILL)
                 still[joint] = own[0]
@@ -290,7 +290,7 @@ class GltfSink:
         if alike is None:
             shared = {
                 "JOINTS_0": document.add(skin.joints, _VERTICES),
-                "WEIGHTS_0": document.add(skin.weights, _VERTICES),
+                "WEIGHTS_0": document.add(_whole_weights(skin.weights), _VERTICES),
             }
             primitives = [
                 (int(part), document.add(skin.triangles[skin.parts == part].astype("<u2").ravel(), _INDICES))
@@ -385,12 +385,13 @@ class _Document:
         each = length * width * np.dtype(dtype).itemsize
         view = {"buffer": 0, "byteOffset": start, "byteLength": each * count}
         self.json["bufferViews"].append(view if target is None else {**view, "target": target})
-        integer = dtype in ("<i2", "|i1")
+        # Whole numbers of four columns are rotations and weights; joints of vertices are what they are.
+        integer = dtype in ("<i2", "|i1") or (dtype == "<u2" and width == 4)
         for number in range(count):
             self.json["accessors"].append({
                 "bufferView": len(self.json["bufferViews"]) - 1,
-                "byteOffset": each * number,
                 "componentType": _COMPONENTS[dtype],
+                **({"byteOffset": each * number} if number else {}),
                 **({"normalized": True} if integer else {}),
                 "count": length,
                 "type": _KINDS[width],
@@ -517,6 +518,13 @@ def write_gltf(
     make_folder(path.parent)
     sink = GltfSink(sampler, path, fps, frames, avatars, rotations, builds)
     return stream_poses(sampler, float(fps), [sink], threads, progress)[0] if len(sink.avatars) else []
+
+
+def _whole_weights(weights: Array) -> Array:
+    """Weights as whole numbers that add up to 65535; the greatest, the first, takes what rounding leaves."""
+    whole = np.round(weights * 65535.0).astype(np.int64)
+    whole[:, 0] += 65535 - whole.sum(axis=1)
+    return whole.astype("<u2")
 
 
 def _times(frames: Array, fps: Fraction) -> Array:

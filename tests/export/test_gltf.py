@@ -56,7 +56,7 @@ class Scene:
         accessor = self.gltf.accessors[number]
         view = self.gltf.bufferViews[accessor.bufferView]
         width, dtype = WIDTHS[accessor.type], np.dtype(DTYPES[accessor.componentType])
-        found = np.frombuffer(self.blob, dtype, accessor.count * width, view.byteOffset + accessor.byteOffset)
+        found = np.frombuffer(self.blob, dtype, accessor.count * width, view.byteOffset + (accessor.byteOffset or 0))
         found = found.reshape(-1, width)
         return np.maximum(found / np.iinfo(dtype).max, -1.0) if accessor.normalized else found
 
