@@ -3,8 +3,9 @@
     python tests/digests.py --write before.json       # with the code as it was
     python tests/digests.py --compare before.json     # with the change; exits with 1 where something differs
 
-Takes, exports and pictures of every shipped scenario, arrays of every trained policy, clips of the performer. Manifests
-and profiles hold timings, and the description of a policy holds the fingerprint of its sources; all are left out.
+Takes, exports and pictures of every shipped scenario, arrays of every trained policy, clips of the performer. Left out
+are files that hold timings (manifests, profiles, checkpoints) or what results were made from (lists of outputs, the
+description of a policy).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
-LEFT_OUT = {"manifest.json", "profile.csv", "policy.json", "timings.json"}
+LEFT_OUT = {"manifest.json", ".crowdsim-outputs.json", "profile.csv", "checkpoint.bin", "policy.json", "timings.json"}
 
 
 class Scene(NamedTuple):

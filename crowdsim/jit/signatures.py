@@ -46,16 +46,20 @@ def write(entries: Collection[Listed], path: Path = FILE) -> None:
 
 
 def encode(kind: Any) -> Any:
-    """Return a type as text, or as lists of text for tuples.
+    """Return a type as text, as lists of text for tuples, or as a mapping for named tuples and arrays of records.
 
     Raises:
         TypeError: It is none that kernels are called with from Python.
     """
     from numba import types
+    from numba.np.numpy_support import as_dtype
 
     if isinstance(kind, types.Array):
         access = "" if kind.mutable else " readonly"
-        return f"{kind.dtype} {kind.ndim}{kind.layout}{access}"
+        shape = f"{kind.ndim}{kind.layout}{access}"
+        if isinstance(kind.dtype, types.Record):
+            return {"record": [list(field) for field in as_dtype(kind.dtype).descr], "shape": shape}
+        return f"{kind.dtype} {shape}"
     if isinstance(kind, types.BaseNamedTuple):
         owner = kind.instance_class
         return {"class": f"{owner.__module__}:{owner.__qualname__}", "fields": [encode(one) for one in kind.types]}
@@ -73,19 +77,27 @@ def digest(arguments: list[Any]) -> str:
 
 def decode(text: Any) -> Any:
     """Return the type of a text."""
-    from numba import types
+    import numpy as np
+    from numba import from_dtype, types
 
     if isinstance(text, list):
         return types.BaseTuple.from_types([decode(one) for one in text])
+    if isinstance(text, dict) and "record" in text:
+        return _array(from_dtype(np.dtype([tuple(field) for field in text["record"]])), text["shape"])
     if isinstance(text, dict):
         module, name = text["class"].split(":")
         owner = getattr(import_module(module), name)
         return types.BaseTuple.from_types([decode(one) for one in text["fields"]], owner)
-    scalar, *rest = text.split(" ")
+    scalar, _, shape = text.partition(" ")
     kind = getattr(types, {"bool": "boolean"}.get(scalar, scalar))
-    if not rest:
-        return kind
-    return types.Array(kind, int(rest[0][0]), rest[0][1], readonly=rest[1:] == ["readonly"])
+    return _array(kind, shape) if shape else kind
+
+
+def _array(kind: Any, shape: str) -> Any:
+    """Return the type of an array: its dimensions and layout, and whether it is read-only, as ``encode`` says."""
+    from numba import types
+
+    return types.Array(kind, int(shape[0]), shape[1], readonly=shape[2:] == " readonly")
 
 
 def resolve(entries: Collection[Listed]) -> Iterator[tuple[Any, tuple[Any, ...]]]:

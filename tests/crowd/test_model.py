@@ -5,6 +5,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 import pytest
+from avatar_fields import set_situations
 from synthetic_policy import policy
 
 from crowdsim.crowd.buffers import empty_scratch
@@ -62,7 +63,7 @@ def test_a_table_of_actions_needs_no_reward_terms(monkeypatch):
     rng = np.random.default_rng(1)
     states, targets = rng.integers(chosen.actions.state_count, size=20), rng.uniform([-2, 1, -2], [2, 1.9, 2], (20, 3))
     scratch.order[:], scratch.cohorts[:], scratch.policies[:], scratch.states[:] = np.arange(20), 0, 0, states
-    scratch.situations[:, :3] = targets
+    set_situations(scratch, targets)
     value_actions(model, np.ones((1, 2)), scratch, 0, 20)
     for k in range(20):
         expected = action_values(chosen, {each.name: 1.0 for each in chosen.behaviours}, states[k], targets[k])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from avatar_fields import set_situations
 from synthetic_policy import policy
 
 from crowdsim.crowd.buffers import empty_scratch
@@ -80,7 +81,7 @@ def compare(chosen, seed=0, count=60):
     lasts = rng.choice([0.0, 0.7, 2.0, 3.5, np.inf], count)
     scratch.order[:], scratch.cohorts[:], scratch.policies[:] = rng.permutation(count), np.arange(count), 0
     scratch.states[:] = states
-    scratch.situations[:] = np.column_stack([targets, moving, lasts])
+    set_situations(scratch, np.column_stack([targets, moving, lasts]))
     scratch.values[:] = np.nan
     value_actions(model, weights, scratch, 0, count)
     found = []

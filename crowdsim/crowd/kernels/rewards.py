@@ -11,35 +11,20 @@ from crowdsim.crowd.kernels.layout import (
     ASIDE,
     BEST_FRAME,
     BEST_STRIKE,
-    COST,
     EACH,
     EARNED,
+    EARNINGS,
     FACING,
     FIRST_TERM,
-    FIST_X,
-    FIST_Y,
-    FIST_Z,
-    FROM_X,
-    FROM_Z,
     FURTHEST,
     HEAD_SIZE,
     KIND,
     LANDING,
     LANES,
     LAST_TERM,
-    LENGTH,
     NEAREST,
-    OWNER,
-    PATH_COS,
-    PATH_SIN,
-    PATH_TIME,
-    PATH_X,
-    PATH_Z,
-    PATHS,
     PRICE,
     SIGMA,
-    STRIKES,
-    TIME,
     TORSO_END,
     TORSO_SIZE,
     TORSO_TOP,
@@ -90,7 +75,7 @@ def add_strikes(model, row, options, target, factor, rows):
     """Add ``factor`` times what landed strikes earn by a term to what each action is worth."""
     actions, strikes, terms, out, n = model.actions, model.strikes, model.terms, options.values, options.n
     tolerance, head, torso = terms[row, LANDING], terms[row, HEAD_SIZE], terms[row, TORSO_SIZE]
-    column, greatest = int(terms[row, EARNED]), terms[row, BEST_STRIKE] != 0.0
+    column, greatest = int(terms[row, EARNED]) - EARNINGS, terms[row, BEST_STRIKE] != 0.0
     wasted = terms[row, WASTED] * terms[row, WASTED]
     low, high = target.y - terms[row, TORSO_END], target.y - terms[row, TORSO_TOP]
     # Within the tolerance of the surface (``rewards.lands``) where no square is below its least, which would be too
@@ -99,11 +84,11 @@ def add_strikes(model, row, options, target, factor, rows):
     torso_least, torso_most = max(torso - tolerance, 0.0) ** 2, (torso + tolerance) ** 2
     for k in range(n):
         rows[k] = 0.0
-    begun, end = actions[options.offset, STRIKES], actions[options.offset + n, STRIKES]
+    begun, end = actions[options.offset].strikes, actions[options.offset + n].strikes
     # No branch, since whether a strike lands cannot be predicted.
     for k in range(np.uint64(begun), np.uint64(end)):
-        px, py, pz = strikes[k, FIST_X], strikes[k, FIST_Y], strikes[k, FIST_Z]
-        t = min(np.float64(strikes[k, TIME]), target.lasts)
+        px, py, pz = strikes[k].x, strikes[k].y, strikes[k].z
+        t = min(np.float64(strikes[k].time), target.lasts)
         dx, dy, dz = px - (target.x + t * target.vx), py - target.y, pz - (target.z + t * target.vz)
         aside = dx * dx + dz * dz
         to_head = aside + dy * dy
@@ -112,11 +97,11 @@ def add_strikes(model, row, options, target, factor, rows):
         lands = (
             ((to_head <= head_most) | (to_torso <= torso_most)) & (to_head >= head_least) & (to_torso >= torso_least)
         )
-        through = comes_through(px, pz, strikes[k, FROM_X], strikes[k, FROM_Z], px - dx, pz - dz)
-        action = np.uint64(strikes[k, OWNER])
-        earned = strikes[k, column] * np.float64(lands & (not through))
+        through = comes_through(px, pz, strikes[k].from_x, strikes[k].from_z, px - dx, pz - dz)
+        action = np.uint64(strikes[k].owner)
+        earned = model.earnings[k, column] * np.float64(lands & (not through))
         rows[action] = max(rows[action], earned) if greatest else rows[action] + earned
-        out[action] -= factor * strikes[k, column + 1] * np.float64(aside > wasted)
+        out[action] -= factor * model.earnings[k, column + 1] * np.float64(aside > wasted)
     factor *= terms[row, WEIGHT]
     for k in range(n):
         out[k] += factor * rows[k]
@@ -130,17 +115,17 @@ def _gaps(paths, first, count, target, band, out):
     if band.facing:
         for k in range(count):
             row = np.uint64(first + k)
-            t = min(np.float64(paths[PATH_TIME, row]), lasts)
-            dx, dz = x + t * vx - paths[PATH_X, row], z + t * vz - paths[PATH_Z, row]
-            cos, sin = paths[PATH_COS, row], paths[PATH_SIN, row]
+            t = min(np.float64(paths.time[row]), lasts)
+            dx, dz = x + t * vx - paths.x[row], z + t * vz - paths.z[row]
+            cos, sin = paths.cos[row], paths.sin[row]
             aside, ahead = max(abs(dx * cos - dz * sin) - wide, 0.0), dx * sin + dz * cos
             ahead -= min(max(ahead, least), most)
             out[k] = math.sqrt(ahead * ahead + aside * aside)
     else:
         for k in range(count):
             row = np.uint64(first + k)
-            t = min(np.float64(paths[PATH_TIME, row]), lasts)
-            dx, dz = x + t * vx - paths[PATH_X, row], z + t * vz - paths[PATH_Z, row]
+            t = min(np.float64(paths.time[row]), lasts)
+            dx, dz = x + t * vx - paths.x[row], z + t * vz - paths.z[row]
             far = math.sqrt(dx * dx + dz * dz)
             out[k] = abs(far - min(max(far, least), most))
 
@@ -180,7 +165,7 @@ def _add_nearness(model, b, row, last, options, target, factor, scratch):
     """
     actions, terms, discounts, gaps, rows = model.actions, model.terms, model.discounts, scratch.gaps, scratch.rows
     offset, n, out = options.offset, options.n, options.values
-    begun, end = actions[offset, PATHS], actions[offset + n, PATHS]
+    begun, end = actions[offset].paths, actions[offset + n].paths
     facing, greatest = terms[row, FACING] != 0.0, terms[row, BEST_FRAME] != 0.0
     least, most, wide = terms[row, NEAREST], terms[row, FURTHEST], terms[row, ASIDE]
     count = whole_lanes(end - begun)
@@ -201,7 +186,7 @@ def _add_nearness(model, b, row, last, options, target, factor, scratch):
     at = 0
     for k in range(n):
         # Rows of the next action count for nothing: whole lanes leave the number of rounds predictable.
-        length = actions[offset + k, LENGTH]
+        length = actions[offset + k].length
         near = 0.0
         for t in range(0, length, LANES):
             near = _fold(rows, np.uint64(at + t), discounts[b, length], np.uint64(t), near, greatest)
@@ -223,7 +208,7 @@ def count_price_once(model, shares, begun, end, options):
     if priced < 2:
         return
     for k in range(options.n):
-        cost = np.float64(model.moves[np.uint64(options.offset + k), COST])
+        cost = np.float64(model.moves[np.uint64(options.offset + k)].cost)
         if cost > 0.0:
             total, most = 0.0, 0.0
             for b in range(begun, end):
