@@ -122,7 +122,7 @@ def brawl(policy: Policy, repeats: int, frames: int) -> dict[str, Any]:
             cKDTree(places, leafsize=32, balanced_tree=False, compact_nodes=False).query(places, k=2)
             theirs[frame] = min(theirs[frame], time.perf_counter() - begun)
     ckdtree = theirs.sum() * 1e3
-    decisions = int(simulation.avatars.whole[8].sum())
+    decisions = int(simulation.avatars.fight["decisions"].sum())
     return {
         "milliseconds": control,
         "whole_call_milliseconds": min(whole) * 1e3,

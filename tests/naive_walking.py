@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from avatar_fields import fields
 
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.lying import axis_of
@@ -18,45 +19,38 @@ def distance(point, one, other):
     return float(np.linalg.norm(one + share * along - point))
 
 
-def way_of(one, slot, walk, real=None):
-    """The points of a walk on the floor, from where an avatar is, or was when it had these columns."""
-    real = one.avatars.real[:, slot] if real is None else real
-    row = one.model.walks[walk]
-    heading, points = real[layout.HEADING], row[layout.POINTS_OF_WALK :].reshape(-1, 2) * real[layout.SCALE]
-    x = real[layout.X] + points[:, 0] * math.cos(heading) + points[:, 1] * math.sin(heading)
-    z = real[layout.Z] - points[:, 0] * math.sin(heading) + points[:, 1] * math.cos(heading)
-    return np.column_stack([x, z])
+def way_of(one, slot, walk, start=None):
+    """The points of a walk on the floor, from where an avatar is, or from a start: x, z, heading and scale."""
+    x, z, heading, scale = fields(one.avatars, "x z heading scale", slot) if start is None else start
+    points = one.model.walk_points[walk] * scale
+    ahead = x + points[:, 0] * math.cos(heading) + points[:, 1] * math.sin(heading)
+    return np.column_stack([ahead, z - points[:, 0] * math.sin(heading) + points[:, 1] * math.cos(heading)])
 
 
 def lines_of(one, slot):
     """Where an avatar is, will be at the end of its action, and halts; or where its body lies."""
-    number, real = one.avatars.number[slot], one.avatars.real[:, slot]
+    number = one.avatars.number[slot]
     row = one.avatars.conditions[number]
-    if one.avatars.whole[layout.TEAM, slot] < 0 and layout.FALLING <= row[layout.STANDING] <= layout.RISING:
+    if one.avatars.team[slot] < 0 and layout.FALLING <= row["standing"] <= layout.RISING:
         axis = axis_of(one.model, one.avatars, slot)
         return [((axis.x, axis.z), (axis.to_x, axis.to_z))]
-    here, end, halt = (
-        real[[layout.X, layout.Z]],
-        real[[layout.END_X, layout.END_Z]],
-        real[[layout.HALT_X, layout.HALT_Z]],
-    )
+    here, end, halt = (fields(one.avatars, names, slot) for names in ("x z", "end_x end_z", "halt_x halt_z"))
     return [(here, end), (end, halt)]
 
 
 def draws(one, slot):
     """What an avatar draws in its next decision."""
-    number, decision = one.avatars.number[slot], one.avatars.whole[layout.DECISIONS, slot]
+    number, decision = one.avatars.number[slot], one.avatars.fight["decisions"][slot]
     return float(uniform(one.crowd.seed, Purpose.CHOICE, number, decision))
 
 
 def may_go_first(one, own, other, reach):
     """Whether another avatar, of a lower number, may set off in the same frame."""
-    whole, real = one.avatars.whole, one.avatars.real
     number = one.avatars.number[other]
     row = one.avatars.conditions[number]
-    due = real[layout.PHASE, other] >= one.model.actions[whole[layout.ACTION, other], layout.LENGTH]
-    rests = row[layout.DOES] == layout.RESTS != row[layout.MODE]
-    near = math.hypot(*(real[[layout.X, layout.Z], other] - real[[layout.X, layout.Z], own])) < reach
+    due = one.avatars.motion["phase"][other] >= one.model.actions["length"][one.avatars.motion["action"][other]]
+    rests = row["does"] == layout.RESTS != row["mode"]
+    near = math.hypot(*(fields(one.avatars, "x z", other) - fields(one.avatars, "x z", own))) < reach
     return number < one.avatars.number[own] and due and rests and near and draws(one, other) < SETS_OFF
 
 
@@ -70,14 +64,14 @@ def naive_is_free(one, own, walk):
     way, arena = way_of(one, own, walk), one.crowd.arena
     if arena[0] == layout.CIRCLE and any(math.hypot(x - arena[1], z - arena[2]) > arena[3] for x, z in way):
         return False
-    reach = 2.0 * (one.model.walks[walk, layout.WAY] * one.avatars.real[layout.SCALE, own] + CLEAR)
+    reach = 2.0 * (one.model.walks["reach"][walk] * one.avatars.playback["scale"][own] + CLEAR)
     for other in range(one.present):
         if other == own:
             continue
         lines = lines_of(one, other)
         if len(lines) > 1 and may_go_first(one, own, other, reach):
             return False
-        clear = CLEAR if len(lines) > 1 else clear_of(lines[0], one.avatars.real[[layout.X, layout.Z], own])
+        clear = CLEAR if len(lines) > 1 else clear_of(lines[0], fields(one.avatars, "x z", own))
         if any(distance(point, *line) < clear for point in way for line in lines):
             return False
     return True

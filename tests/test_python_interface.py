@@ -26,7 +26,6 @@ from crowdsim import (
     run,
 )
 from crowdsim.crowd.events import VARIABLES
-from crowdsim.crowd.kernels import layout
 from crowdsim.errors import CrowdsimError, OutputError, RunError, ScenarioError, TakeError
 from crowdsim.runs.recorded import RecordedRun
 from crowdsim.take.take import Take
@@ -287,7 +286,7 @@ def test_a_crowd_is_drawn_once_for_the_take_and_the_simulation(workplace: Path) 
     np.testing.assert_allclose(50.0 / crowd.temperaments[:, 0], crowd.cast.tempos, rtol=1e-6)
     np.testing.assert_allclose(crowd.temperaments[:, 2], crowd.cast.ranges, rtol=1e-6)
     avatars = Simulation(crowd).avatars
-    np.testing.assert_array_equal(avatars.conditions[:, layout.STANCE], crowd.cast.stances)
+    np.testing.assert_array_equal(avatars.conditions["stance"], crowd.cast.stances)
     assert run(scenario).cast.tempos.tobytes() == crowd.cast.tempos.tobytes()
 
 

@@ -7,16 +7,16 @@ from typing import NamedTuple
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.arrays import Model, Record, Strikes
+from crowdsim.crowd.arrays import Model, Record
 from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.records import NEIGHBOUR, SITUATION, STRIKE
 
 
 class Scratch(NamedTuple):
     """Scratch space for a batch of avatars that choose, and for all actions of a state.
 
     Attributes:
-        situations: Where each one's target is, how it moves and which way it faces (``values.value_actions``).
-            Shape (batch, 7), float64.
+        situations: Where each one's target is, how it moves and which way it faces. Shape (batch,), ``SITUATION``.
         states: The state that it chooses in, -1 where there is no opponent. Shape (batch,), int32.
         cohorts: Its cohort. Shape (batch,), int32.
         policies: Its policy. Shape (batch,), int32.
@@ -34,7 +34,7 @@ class Scratch(NamedTuple):
         work: Where the target is seen from there: x, z, distance, bearing; the state; then for each behaviour the
             shares of the next distance and bearing. Shape (5 + 2 * behaviours, actions of a block), float64.
         rows: A number for each control frame of a state's actions, or for each action. float64.
-        near: Neighbours that may be in the way. Shape (most neighbours, 10), float64.
+        near: Neighbours that may be in the way. Shape (most neighbours,), ``NEIGHBOUR``.
     """
 
     situations: Array
@@ -56,24 +56,23 @@ class Scratch(NamedTuple):
 
 def empty_record(frames: int, count: int) -> Record:
     """Return a record with room for some frames."""
-    # A spare frame, so that rows of it never lie in one piece: kernels are compiled for one layout, whatever the rows.
-    whole, real = np.empty((2, frames + 1, count), np.int32), np.empty((4, frames + 1, count), np.float32)
-    return Record(whole[:, :frames], real[:, :frames])
+    kinds = {"action": np.int32, "opponent": np.int32}
+    return Record(*(np.empty((frames, count), kinds.get(name, np.float32)) for name in Record._fields))
 
 
-def empty_strikes(count: int) -> Strikes:
-    """Return room for some strikes."""
-    return Strikes(np.empty((count, 5), np.int32), np.empty((count, 6)))
+def empty_strikes(count: int) -> Array:
+    """Return room for some strikes (``STRIKE``)."""
+    return np.empty(count, STRIKE)
 
 
 def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
     """Return scratch space for the states of a model, for some neighbours, and for a batch."""
     lanes, block = layout.LANES, min(layout.BLOCK, batch)
     width = -(-int(np.diff(model.offsets).max()) // lanes) * lanes
-    behaviours = int(np.diff(model.policies[:, layout.BEHAVIOURS]).max())
-    rows = int(np.diff(model.actions[model.offsets, layout.PATHS]).max()) + lanes
+    behaviours = int(np.diff(model.policies["behaviours"]).max())
+    rows = int(np.diff(model.actions["paths"][model.offsets]).max()) + lanes
     return Scratch(
-        situations=np.zeros((batch, 7)),
+        situations=np.zeros(batch, SITUATION),
         states=np.empty(batch, np.int32),
         cohorts=np.empty(batch, np.int32),
         policies=np.empty(batch, np.int32),
@@ -88,5 +87,5 @@ def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
         work=np.zeros((5 + 2 * behaviours, block * width)),
         # Rows behind the last action are read and weighed by zero, which needs them to be finite.
         rows=np.zeros(max(rows, width)),
-        near=np.empty((max(neighbours, 1), 10)),
+        near=np.empty(max(neighbours, 1), NEIGHBOUR),
     )

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.arrays import Strikes
 from crowdsim.crowd.events import VARIABLES, Events
 from crowdsim.crowd.kernels.layout import LANDED
 
@@ -86,22 +85,23 @@ class Chunk:
         return {name: getattr(self, name) for name in VARIABLES}
 
 
-def events_of(parts: Sequence[Strikes]) -> Events:
-    """Return the strikes of some frames as events, in the order of time, attacker and limb."""
-    whole = np.concatenate([part.whole for part in parts])
-    real = np.concatenate([part.real for part in parts])
-    order = np.lexsort((whole[:, 2], whole[:, 0], real[:, 0]))
-    whole, real = whole[order], real[order]
+def events_of(parts: Sequence[Array]) -> Events:
+    """Return the strikes of some frames as events, in the order of time, attacker and limb.
+
+    ``parts`` hold ``records.STRIKE``.
+    """
+    strikes = np.concatenate(parts)
+    strikes = strikes[np.lexsort((strikes["limb"], strikes["attacker"], strikes["frame"]))]
     return Events(
-        frame=real[:, 0].copy(),
-        attacker=whole[:, 0].copy(),
-        victim=whole[:, 1].copy(),
-        hand=(whole[:, 2] % 2).astype(np.uint8),
-        point=real[:, 1:4].astype(np.float32),
-        speed=real[:, 4].astype(np.float32),
-        landed=whole[:, 3] == LANDED,
-        limb=whole[:, 2].astype(np.uint8),
-        outcome=whole[:, 3].astype(np.uint8),
-        damage=real[:, 5].astype(np.float32),
-        down=whole[:, 4] > 0,
+        frame=strikes["frame"].copy(),
+        attacker=strikes["attacker"].copy(),
+        victim=strikes["victim"].copy(),
+        hand=(strikes["limb"] % 2).astype(np.uint8),
+        point=np.stack([strikes[axis] for axis in "xyz"], axis=-1).astype(np.float32),
+        speed=strikes["speed"].astype(np.float32),
+        landed=strikes["outcome"] == LANDED,
+        limb=strikes["limb"].astype(np.uint8),
+        outcome=strikes["outcome"].astype(np.uint8),
+        damage=strikes["damage"].astype(np.float32),
+        down=strikes["down"] > 0,
     )

@@ -15,6 +15,7 @@ from crowdsim.crowd.cast import Cast
 from crowdsim.crowd.distributions import EVEN_TEMPERED
 from crowdsim.crowd.initial_states import first_actions
 from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.records import CONDITION, FIGHT, MOTION, PLAYBACK, RULE, SEEN, SLIDE, empty_records, records
 from crowdsim.crowd.kernels.shown_motion import LATEST, NONE
 from crowdsim.errors import RunError
 from crowdsim.scenario.parts import MAXIMUM_FRAMES
@@ -133,7 +134,7 @@ class Crowd:
     arena: Array = field(default_factory=lambda: np.zeros(5))
     crowding: Crowding = field(default_factory=Crowding)
     seed: int = 0
-    rules: Array = field(default_factory=lambda: np.zeros((0, layout.RULES)))
+    rules: Array = field(default_factory=lambda: np.zeros((0, len(RULE))))
     conditioned: bool = False
     temperaments: Array = field(default_factory=lambda: np.zeros((0, 3)))
     targets: tuple[TargetPath, ...] = ()
@@ -241,26 +242,30 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
     slot_of[numbers] = np.arange(count, dtype=np.int32)
 
     avatars = Avatars(
-        whole=np.zeros((layout.WHOLE_ROWS, count), np.int32),
-        real=np.zeros((layout.REAL_ROWS, count)),
+        x=np.zeros(count),
+        z=np.zeros(count),
+        heading=np.zeros(count),
+        number=numbers,
+        policy=np.asarray(crowd.cast.policies)[numbers].astype(np.int32),
+        team=np.asarray(crowd.cast.teams)[numbers].astype(np.int32),
+        skip=np.asarray(crowd.skip)[numbers].astype(np.int32),
+        fixed=np.asarray(crowd.fixed)[numbers].astype(np.int32),
+        opponent=np.zeros(count, np.int32),
+        motion=empty_records(count, MOTION),
+        playback=empty_records(count, PLAYBACK),
+        slides=empty_records(count, SLIDE),
+        fight=empty_records(count, FIGHT),
         slot_of=slot_of,
         shown=np.empty((count, LATEST), np.uint16),
-        conditions=np.zeros((count if crowd.conditioned else 0, layout.CONDITIONS)),
+        conditions=np.zeros(count if crowd.conditioned else 0, CONDITION),
         marks=np.full(1 << (max(_LEAST_MARKS, _MARKS * count) - 1).bit_length(), _LONG_AGO, np.uint16),
-        seen=np.tile([0.0, 0.0, 0.0, -1.0], (count, 2)),
+        seen=np.zeros((count, 2), SEEN),
     )
-    whole, real, cast = avatars.whole, avatars.real, crowd.cast
-    whole[layout.NUMBER] = numbers
-    for row, values in (
-        (layout.POLICY, cast.policies),
-        (layout.COHORT, crowd.cohort),
-        (layout.TEAM, cast.teams),
-        (layout.SKIP, crowd.skip),
-        (layout.FIXED, crowd.fixed),
-    ):
-        whole[row] = np.asarray(values)[numbers]
-    real[layout.SCALE], real[layout.SPEED] = cast.scales[numbers], cast.speeds[numbers]
-    real[layout.WIDTH] = real[layout.SCALE] * cast.girths[numbers]
+    motion, playback, cast = avatars.motion, avatars.playback, crowd.cast
+    avatars.seen["frame"] = -1.0
+    playback["cohort"] = np.asarray(crowd.cohort)[numbers]
+    playback["scale"], motion["speed"] = cast.scales[numbers], cast.speeds[numbers]
+    motion["width"] = playback["scale"] * cast.girths[numbers]
     enter(avatars, crowd, model, np.arange(count))
     return avatars
 
@@ -275,45 +280,39 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
         raise RunError(
             f"avatar {numbers[i]} starts at ({x[i]}, {z[i]}) with heading {heading[i]}, expected finite numbers"
         )
-    whole, real = avatars.whole, avatars.real
-    policy, scale = whole[layout.POLICY, slots], real[layout.SCALE, slots]
+    policy, scale = avatars.policy[slots], avatars.playback["scale"][slots]
     action = first_actions(crowd.seed, crowd.cast.stances, model, numbers, policy)
-    length = model.actions[action, layout.LENGTH]
-    ground = model.ground[model.actions[action, layout.ORIGIN] + length * model.policies[policy, layout.STRIDE]]
-    turn = heading - ground[:, 2]
+    length = model.actions["length"][action]
+    ground = model.ground[model.actions["origin"][action] + length * model.policies["stride"][policy]]
+    turn = heading - ground["heading"]
     cos, sin = np.cos(turn) * scale, np.sin(turn) * scale
-    for row, values in (
-        (layout.BASE_X, x - ground[:, 0] * cos - ground[:, 1] * sin),
-        (layout.BASE_Z, z + ground[:, 0] * sin - ground[:, 1] * cos),
-        (layout.BASE_COS, cos),
-        (layout.BASE_SIN, sin),
-        (layout.BASE_TURN, turn),
-        (layout.X, x),
-        (layout.Z, z),
-        (layout.HEADING, heading),
-        (layout.END_X, x),
-        (layout.END_Z, z),
-        (layout.HALT_X, x),
-        (layout.HALT_Z, z),
-        (layout.PHASE, length),
-        (layout.PHASE_BEFORE, length),
-    ):
-        real[row, slots] = values
-    whole[layout.ACTION, slots] = action
-    whole[layout.ACTION_BEFORE, slots] = layout.ENTERED
+    avatars.x[slots], avatars.z[slots], avatars.heading[slots], avatars.opponent[slots] = x, z, heading, -1
+    avatars.slides["x"][slots] = avatars.slides["z"][slots] = 0.0
+    began = {
+        "motion": {
+            **{"end_x": x, "end_z": z, "halt_x": x, "halt_z": z},
+            **{"phase": length, "action": action, "pending": layout.NO_STRIKE},
+        },
+        "playback": {
+            "base_x": x - ground["x"] * cos - ground["z"] * sin,
+            "base_z": z + ground["x"] * sin - ground["z"] * cos,
+            **{"base_cos": cos, "base_sin": sin, "base_turn": turn},
+            **{"phase_before": length, "action_before": layout.ENTERED},
+        },
+        "fight": {"opponent_before": -1, "next_opponent": -1, "hit_by": -1, "thrown": -1, "hit_frame": -np.inf},
+    }
+    for part, fields in began.items():
+        for name, values in fields.items():
+            getattr(avatars, part)[name][slots] = values
     avatars.shown[numbers] = NONE
-    whole[layout.PENDING, slots] = layout.NO_STRIKE
-    for row in (layout.OPPONENT, layout.OPPONENT_BEFORE, layout.NEXT_OPPONENT, layout.HIT_BY, layout.THROWN):
-        whole[row, slots] = -1
-    real[layout.HIT_FRAME, slots] = -np.inf
-    real[layout.SLIDE_X, slots] = real[layout.SLIDE_Z, slots] = 0.0
     if len(avatars.conditions):
         rows = avatars.conditions[numbers]
-        rows[:, layout.STANDING : layout.DOWNS + 1] = layout.UP
-        rows[:, layout.HEALTH] = crowd.rules[crowd.cohort[numbers], layout.FULL_HEALTH]
-        rows[:, layout.HURT], rows[:, layout.HURT_FRAME], rows[:, layout.STAMINA] = 0.0, -np.inf, 1.0
+        for name in ("standing", "standing_next", "fall", "downs", "hurt", "piece"):
+            rows[name] = 0.0
+        rows["health"] = records(crowd.rules, RULE)["full_health"][crowd.cohort[numbers]]
+        rows["hurt_frame"], rows["stamina"] = -np.inf, 1.0
         tempered = len(crowd.temperaments) > 0
-        rows[:, layout.TEMPO : layout.RANGE + 1] = crowd.temperaments[numbers] if tempered else EVEN_TEMPERED
-        rows[:, layout.PIECE] = 0.0
-        rows[:, layout.STANCE] = crowd.cast.stances[numbers]
+        temperaments = crowd.temperaments[numbers] if tempered else np.tile(EVEN_TEMPERED, (len(numbers), 1))
+        rows["tempo"], rows["aggression"], rows["range"] = temperaments.T
+        rows["stance"] = crowd.cast.stances[numbers]
         avatars.conditions[numbers] = rows

@@ -6,7 +6,6 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Model
-from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.model import entry_actions
 from crowdsim.crowd.random import Purpose, uniform
 
@@ -17,7 +16,7 @@ def first_actions(seed: int, stances: Array, model: Model, numbers: Array, polic
     drawn = uniform(seed, Purpose.START, numbers)
     wanted = stances[numbers]
     action = np.empty(len(numbers), np.int32)
-    starts = model.policies[:, layout.STATES]
+    starts = model.policies["states"]
     for p, stance in np.unique(np.stack([policy, wanted], axis=1), axis=0):
         states = np.arange(starts[p], starts[p + 1])
         states = states[entries[states] >= 0]

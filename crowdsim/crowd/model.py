@@ -10,8 +10,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.arrays import Model
-from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.arrays import Model, Paths
+from crowdsim.crowd.kernels.records import (
+    ACTION,
+    PLACE,
+    POINT,
+    POLICY,
+    REST,
+    REST_ENTRY,
+    SIZE,
+    WALK,
+    records,
+)
 from crowdsim.crowd.model_arms import arm_radii, arm_rows, way_rows
 from crowdsim.crowd.model_falls import fall_rows
 from crowdsim.crowd.model_legs import leg_rows
@@ -44,8 +54,6 @@ if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
 
 
-_FALL_ACTION = 2  # column of Model.falls
-
 TOLERANCE = 0.10
 """How far from the surface a strike lands (``rewards.lands``) [m], for a policy whose recipe rewards no strikes."""
 
@@ -74,42 +82,51 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
     terms = np.concatenate([table.terms for table in tables])
     paths = joined([action.paths for action in actions], np.float64)
     displacements = np.concatenate([action.displacements for action in actions]).astype(float)
-    moves = move_rows(displacements, policies, tables, starts)
-    strikes = strike_rows(policies, behaviours, terms, starts)
+    moves, prices = move_rows(displacements, policies, tables, starts)
+    strikes, earnings = strike_rows(policies, behaviours, terms, starts)
     halts, offsets = np.concatenate([halt_rows(one) for one in actions]), joined_offsets(actions, starts["action"])
     rests, ways_to_rest = rest_rows(policies, starts)
     note_walks(policies, starts, halts)
+    walks, walk_points = walk_rows(policies, starts)
     strides = [*(database.stride for database in databases), 0]
     origins = [action_starts(policy) for policy in policies]
-    bodies = [np.column_stack([database.heads, database.necks, database.pelvises]) for database in databases]
+    bodies = [np.stack([database.heads, database.necks, database.pelvises], axis=1) for database in databases]
+    legs = [leg_rows(*one) for one in zip(policies, np.diff(starts["state"]), strict=True)]
+    firsts = [starts[name] for name in ("behaviour", "action", "state")]
     return Model(
         offsets=offsets,
         reaches=reach_rows(displacements, halts, offsets),
-        halts=halts,
-        legs=np.concatenate([leg_rows(*one) for one in zip(policies, np.diff(starts["state"]), strict=True)]),
+        halts=records(halts, POINT),
+        legs=np.concatenate([points for points, _ in legs]),
+        leg_reaches=np.concatenate([reaches for _, reaches in legs]),
         calm=np.concatenate([calm_rows(policy) for policy in policies]),
-        actions=action_rows(policies, actions, starts),
+        actions=records(action_rows(policies, actions, starts), ACTION),
         moves=moves,
-        paths=padded([paths[:, 0], paths[:, 1], np.cos(paths[:, 2]), np.sin(paths[:, 2]), path_frames(actions)]),
+        prices=prices,
+        paths=Paths(
+            *padded([paths[:, 0], paths[:, 1], np.cos(paths[:, 2]), np.sin(paths[:, 2]), path_frames(actions)])
+        ),
         strikes=strikes,
+        earnings=earnings,
         behaviours=behaviours,
         discounts=discount_rows(behaviours["discount"], int(max(action.lengths.max() for action in actions))),
         grids=grid_records(policies),
         terms=terms,
         table=values,
-        ground=joined([database.ground for database in databases], np.float64),
-        starts=np.concatenate(origins),
+        ground=records(joined([database.ground for database in databases], np.float64), PLACE),
+        starts=records(np.concatenate(origins), PLACE),
         bodies=np.concatenate(bodies).astype(np.float32),
         arms=np.concatenate([arm_rows(database) for database in databases]),
         ways=way_rows(policies, origins),
-        policies=np.column_stack([strides, starts["behaviour"], starts["action"], starts["state"]]).astype(np.int32),
-        sizes=np.array([_sizes(policy) for policy in policies]),
+        policies=records(np.column_stack([strides, *firsts]), POLICY),
+        sizes=records(np.array([_sizes(policy) for policy in policies]), SIZE),
         twins=twin_states(policies, starts),
         stances=stance_rows(policies, starts["state"]) if with_stances else np.zeros((0, 2), np.uint8),
         **fall_rows(policies, starts),
-        rests=rests,
-        walks=walk_rows(policies, starts),
-        ways_to_rest=ways_to_rest,
+        rests=records(rests, REST),
+        walks=records(walks, WALK),
+        walk_points=walk_points,
+        ways_to_rest=records(ways_to_rest, REST_ENTRY),
         defence=join_defences([policy.defence for policy in policies], [len(action.next) for action in actions]),
     )
 
@@ -128,16 +145,17 @@ def entry_actions(model: Model) -> Array:
     Falls and rests are none of them. States in the middle of a run have none, since what is in the way there is not
     known yet.
     """
-    rests = [model.rests[:, :2].reshape(-1), model.ways_to_rest[:, 0], model.walks[:, layout.TAKES].astype(int)]
-    apart = [model.falls[:, _FALL_ACTION], *rests]
+    rests = [model.rests["hold"], model.rests["leave"], model.ways_to_rest["enter"], model.walks["action"]]
+    apart = [model.falls["action"], *rests]
     chosen = np.setdiff1d(np.arange(len(model.actions) - 1), np.concatenate(apart))
-    ends = model.actions[chosen, layout.NEXT]
-    order = np.lexsort((np.arange(len(ends)), model.moves[chosen, layout.COST], ends))
+    ends = model.actions["next"][chosen]
+    order = np.lexsort((np.arange(len(ends)), model.moves["cost"][chosen], ends))
     entries = np.full(len(model.offsets) - 1, -1, np.int32)
     states, first = np.unique(ends[order], return_index=True)
     entries[states] = chosen[order[first]]
-    brakes = np.where(entries < 0, np.inf, np.hypot(*(model.halts - model.moves[:, :2])[entries].T))
-    for start, stop in pairwise(model.policies[:, layout.STATES]):
+    onwards = (model.halts[axis][entries] - model.moves[axis][entries] for axis in "xz")
+    brakes = np.where(entries < 0, np.inf, np.hypot(*onwards))
+    for start, stop in pairwise(model.policies["states"]):
         own = slice(start, stop)
         entries[own][brakes[own] > max(AT_REST, brakes[own].min())] = -1
     return entries

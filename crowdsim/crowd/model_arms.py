@@ -29,18 +29,18 @@ _FRAMES_AT_ONCE = 1 << 16
 def arm_rows(database: MotionDatabase) -> Array:
     """Return the left and right elbow, and the left and right fist, in each frame's ground frame [m].
 
-    Shape (P, 12), float32.
+    Shape (P, 4, 3), float32.
     """
     roles, count = database.body.roles, len(database.ground)
-    rows = np.empty((count, 12), np.float32)
-    rows[:, 6:] = np.reshape(database.fists, (count, 6))
+    rows = np.empty((count, 4, 3), np.float32)
+    rows[:, 2:] = database.fists
     skeleton, joints = part_of(database.skeleton, [roles[role] for role in _ELBOWS])
     elbows = [joints.index(roles[role]) for role in _ELBOWS]
     for low in range(0, count, _FRAMES_AT_ONCE):
         some = slice(low, low + _FRAMES_AT_ONCE)
         positions, _ = forward_kinematics(skeleton, database.root_positions[some], database.rotations[some][:, joints])
         local = ground.to_local(database.ground[some, None], positions[:, elbows].astype(float))
-        rows[some, :6] = np.reshape(local, (-1, 6))
+        rows[some, :2] = local
     return rows
 
 
@@ -52,14 +52,14 @@ def way_rows(policies: Sequence[Policy], starts: Sequence[Array]) -> Array:
         starts: For each what lies on the avatar when each of its actions starts, in the clip's world. Shape (A, 3).
 
     Returns:
-        Shape (K, 6), float32, strikes of one policy after another.
+        Shape (K, 2, 3), float32, strikes of one policy after another.
     """
     rows = []
     for policy, origins in zip(policies, starts, strict=True):
         actions = policy.actions
         owners = np.repeat(np.arange(actions.action_count), np.diff(actions.strike_offsets))
         points = _ways(policy.database)[actions.strike_ids]
-        rows.append(ground.to_local(origins[owners, None], points).reshape(-1, 3 * len(WAY)))
+        rows.append(ground.to_local(origins[owners, None], points))
     return np.concatenate(rows).astype(np.float32)
 
 

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.crowd.kernels.records import CAPSULE, LINE
+from crowdsim.crowd.kernels.records import FALL as FALLS
 from crowdsim.crowd.model_arms import part_of
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.kinematics import forward_kinematics
@@ -21,9 +23,8 @@ _FRAMES_AT_ONCE = 1 << 16
 
 def fall_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> dict[str, Array]:
     """Return what ``Model`` holds of the falls and staggers of all policies, by its names."""
-    rows: list[tuple[int, int, int, int]] = []
-    directions: list[float] = []
-    axes = [np.zeros((0, 8))]
+    rows: list[tuple[float, int, int, int, int]] = []
+    axes = [np.zeros((0, 2), LINE)]
     capsules: list[Array] = []
     for p, (first, policy) in enumerate(zip(starts["action"], policies, strict=False)):
         falls = policy.falls
@@ -32,8 +33,7 @@ def fall_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> dict[str,
         for number, direction in enumerate(falls.direction.tolist()):
             own = len(rows)
             for kind, actions in ((FALL, falls.fall), (LYING, falls.lie), (RISE, falls.rise)):
-                rows.append((p, kind, int(first + actions[number]), own))
-                directions.append(direction)
+                rows.append((direction, p, kind, int(first + actions[number]), own))
         own_axes, own_capsules = _lying_bodies(policy, falls.fall)
         axes.append(np.repeat(own_axes, 3, axis=0))
         capsules.append(np.repeat(own_capsules, 3, axis=0))
@@ -43,13 +43,11 @@ def fall_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> dict[str,
         ):
             own = len(rows)
             for action in range(start, last + 1):
-                rows.append((p, STAGGER if action == start else STAGGER_ON, int(first + action), own))
-                directions.append(direction)
-        axes.append(np.zeros((len(rows) - before, 8)))
-        capsules.append(np.zeros((len(rows) - before, own_capsules.shape[1], 8)))
+                rows.append((direction, p, STAGGER if action == start else STAGGER_ON, int(first + action), own))
+        axes.append(np.zeros((len(rows) - before, 2), LINE))
+        capsules.append(np.zeros((len(rows) - before, own_capsules.shape[1]), CAPSULE))
     return {
-        "falls": np.array(rows, np.int32).reshape(-1, 4),
-        "fall_directions": np.array(directions, float),
+        "falls": np.array(rows, FALLS),
         "fall_axes": np.concatenate(axes),
         "fall_capsules": _stacked(capsules),
         "soles": _sole_rows(policies),
@@ -57,7 +55,7 @@ def fall_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> dict[str,
 
 
 def _lying_bodies(policy: Policy, actions: Array) -> tuple[Array, Array]:
-    """Return how bodies lie after falls (F,): ``Model.fall_axes`` and ``Model.fall_capsules``. (F, 8), (F, K, 8)."""
+    """Return how bodies lie after falls (F,): ``Model.fall_axes`` and ``Model.fall_capsules``. (F, 2), (F, K)."""
     database, graph, body = policy.database, policy.graph, policy.database.body
     before = (np.asarray(graph.action_first)[actions].astype(int) - 1) * database.stride
     after = before + np.asarray(graph.action_lengths)[actions].astype(int) * database.stride
@@ -68,36 +66,41 @@ def _lying_bodies(policy: Policy, actions: Array) -> tuple[Array, Array]:
     heads = ground.to_world(database.ground[after], database.heads[after].astype(float))
     ends = np.stack([heads, feet], axis=1)
     seen = [ground.to_local(database.ground[frames][:, None], ends)[..., [0, 2]] for frames in (before, after)]
-    joints, capsules = body.capsule_joints, np.empty((len(actions), len(body.capsule_joints), 8))
-    for columns, offsets in ((slice(0, 3), body.capsule_starts), (slice(3, 6), body.capsule_ends)):
+    axes, capsules = np.empty((len(actions), 2), LINE), np.empty((len(actions), len(body.capsule_joints)), CAPSULE)
+    for name, end, axis in (("x", 0, 0), ("z", 0, 1), ("to_x", 1, 0), ("to_z", 1, 1)):
+        axes[name] = np.stack([ends[:, end, axis] for ends in seen], axis=1)
+    joints, sides = body.capsule_joints, list[Array]()
+    for names, offsets in ((("x", "y", "z"), body.capsule_starts), (("to_x", "to_y", "to_z"), body.capsule_ends)):
         points = positions[:, joints] + quaternion.rotate(rotations[:, joints].astype(float), offsets)
-        capsules[..., columns] = ground.to_local(database.ground[after, None], points)
-    capsules[..., 6] = body.capsule_radii.max(axis=1)
-    capsules[..., 7] = capsules[..., 6] + 0.5 * np.linalg.norm(capsules[..., 3:6] - capsules[..., :3], axis=-1)
-    return np.stack(seen, axis=1).reshape(len(actions), 8), capsules
+        sides.append(ground.to_local(database.ground[after, None], points))
+        for axis, name in enumerate(names):
+            capsules[name] = sides[-1][..., axis]
+    capsules["radius"] = body.capsule_radii.max(axis=1)
+    capsules["bound"] = capsules["radius"] + 0.5 * np.linalg.norm(sides[1] - sides[0], axis=-1)
+    return axes, capsules
 
 
 def _stacked(capsules: Sequence[Array]) -> Array:
-    """Return capsules of bodies (n, K, 8) as one array; where a body has fewer than others, its last one repeats."""
+    """Return capsules of bodies (n, K) as one array; where a body has fewer than others, its last one repeats."""
     most = max((rows.shape[1] for rows in capsules), default=0)
-    padded = [np.pad(rows, ((0, 0), (0, most - rows.shape[1]), (0, 0)), mode="edge") for rows in capsules]
-    return np.concatenate([np.zeros((0, most, 8)), *padded])
+    padded = [rows[:, np.minimum(np.arange(most), rows.shape[1] - 1)] for rows in capsules]
+    return np.concatenate([np.zeros((0, most), CAPSULE), *padded])
 
 
 def _sole_rows(policies: Sequence[Policy]) -> Array:
-    """Return left heel and ball, right heel and ball in each frame's ground frame [m].
+    """Return heel and ball of both soles in each frame's ground frame [m].
 
-    Shape (L, 12), float32; (0, 12) where no policy has falls.
+    Shape (L, 2, 2, 3), float32; (0, 2, 2, 3) where no policy has falls.
     """
     if all(policy.falls is None for policy in policies):
-        return np.zeros((0, 12), np.float32)
+        return np.zeros((0, 2, 2, 3), np.float32)
     return np.concatenate([_soles_of(policy) for policy in policies])
 
 
 def _soles_of(policy: Policy) -> Array:
-    """Return the rows of one policy's frames. Shape (P, 12), float32."""
+    """Return the soles of one policy's frames. Shape (P, 2, 2, 3), float32."""
     database, body = policy.database, policy.database.body
-    rows = np.empty((len(database.ground), 12), np.float32)
+    rows = np.empty((len(database.ground), 2, 2, 3), np.float32)
     feet = [body.roles[f"{side}_foot"] for side in ("left", "right")]
     skeleton, joints = part_of(database.skeleton, feet)
     own = [joints.index(foot) for foot in feet]
@@ -107,5 +110,5 @@ def _soles_of(policy: Policy) -> Array:
             skeleton, database.root_positions[some], database.rotations[some][:, joints]
         )
         soles = positions[:, own, None] + quaternion.rotate(rotations[:, own, None].astype(float), body.sole_offsets)
-        rows[some] = ground.to_local(database.ground[some, None, None], soles).reshape(-1, 12)
+        rows[some] = ground.to_local(database.ground[some, None, None], soles)
     return rows

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
 
 
-def leg_rows(policy: Policy, states: int) -> Array:
-    """Return left knee and sole, right knee and sole in each state, and how far from the position they are at most [m].
+def leg_rows(policy: Policy, states: int) -> tuple[Array, Array]:
+    """Return knee and sole of both legs in each state, and how far from the position they are at most [m].
 
     Points are in the avatar's ground frame.
 
@@ -25,7 +25,7 @@ def leg_rows(policy: Policy, states: int) -> Array:
         states: How many states it has in a run, those of falls behind its own.
 
     Returns:
-        Shape (states, 13), float32; 0 in those of falls.
+        Shapes (states, 2, 2, 3) and (states,), float32; 0 in those of falls.
     """
     database, body = policy.database, policy.database.body
     frames = np.asarray(policy.graph.state_frames, np.int64) * database.stride
@@ -38,7 +38,7 @@ def leg_rows(policy: Policy, states: int) -> Array:
     soles = positions[:, own] + quaternion.rotate(rotations[:, own].astype(float), body.sole_offsets.mean(axis=1))
     points = np.stack([positions[:, [joints.index(knee) for knee in knees]], soles], axis=2)
     local = ground.to_local(database.ground[frames, None, None], points)
-    rows = np.zeros((states, 13), np.float32)
-    rows[: len(frames), :12] = local.reshape(-1, 12)
-    rows[: len(frames), 12] = np.hypot(local[..., 0], local[..., 2]).max(axis=(1, 2)) + 1e-5
-    return rows
+    legs, reaches = np.zeros((states, 2, 2, 3), np.float32), np.zeros(states, np.float32)
+    legs[: len(frames)] = local
+    reaches[: len(frames)] = np.hypot(local[..., 0], local[..., 2]).max(axis=(1, 2)) + 1e-5
+    return legs, reaches

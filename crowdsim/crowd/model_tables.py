@@ -9,6 +9,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.records import GRID_AXIS, MOVE, REACH, records
 from crowdsim.motion import ground
 from crowdsim.policy.axes.registry import AXES
 from crowdsim.policy.rewards import StrikeTerm
@@ -102,35 +103,33 @@ def _before_first_strike(actions: Actions) -> Array:
     return found
 
 
-def strike_rows(policies: Sequence[Policy], behaviours: Array, terms: Array, starts: dict[str, Array]) -> Array:
-    """Return the strikes in actions, and what those that land earn by each strike term of their policy.
+def strike_rows(
+    policies: Sequence[Policy], behaviours: Array, terms: Array, starts: dict[str, Array]
+) -> tuple[Array, Array]:
+    """Return the strikes in actions (``REACH``), and what they earn and waste by each strike term of their policy.
 
     The column of what a term earns is written into its record.
     """
-    parts = []
+    strikes, parts = [], []
     for p, policy in enumerate(policies):
         actions, database = policy.actions, policy.database
         speeds, limbs = database.strike_speeds[actions.strike_ids], database.strike_limbs[actions.strike_ids]
         positions = np.reshape(actions.strike_positions, (-1, 3))
         owners = np.repeat(np.arange(actions.action_count), np.diff(actions.strike_offsets))
         owners -= np.repeat(actions.offsets[:-1], np.diff(actions.offsets))[owners]
-        columns = [
-            actions.strike_times,
-            *positions.T,
-            speeds,
-            limbs,
-            owners,
-            *np.reshape(actions.strike_origins, (-1, 2)).T,
-        ]
+        origins = np.reshape(actions.strike_origins, (-1, 2))
+        strikes.append(np.column_stack([actions.strike_times, positions, speeds, limbs, owners, origins]))
+        columns: list[Array] = []
         for behaviour, row in zip(policy.behaviours, behaviours[starts["behaviour"][p] :], strict=False):
             for term, record in zip(behaviour.terms, terms[row["first_term"] :], strict=False):
                 if isinstance(term, StrikeTerm):
                     record["column"] = len(columns)
                     faded = behaviour.discount ** actions.strike_times.astype(float)
                     columns += [term.earned(actions, behaviour.discount), faded * term.weight * term.waste]
-        parts.append(np.column_stack(columns))
-    width = -(-max(part.shape[1] for part in parts) // 8) * 8
-    return np.concatenate([np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts]).astype(np.float32)
+        parts.append(np.reshape(columns, (len(columns), len(owners))).T)
+    width = max(part.shape[1] for part in parts)
+    earnings = np.concatenate([np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts])
+    return records(np.concatenate(strikes), REACH), earnings.astype(np.float32)
 
 
 def halt_rows(actions: Actions) -> Array:
@@ -188,26 +187,24 @@ def path_frames(actions: Sequence[Actions]) -> Array:
 
 def move_rows(
     displacements: Array, policies: Sequence[Policy], tables: Sequence[LookupTables], starts: dict[str, Array]
-) -> Array:
-    """Return where actions end, their transition costs, and what they cost each behaviour wherever the target is."""
+) -> tuple[Array, Array]:
+    """Return where actions end (``MOVE``), and what they cost each behaviour wherever the target is."""
     costs = joined([table.actions.costs for table in tables], np.float64)
     slots = int(np.diff(starts["behaviour"]).max())
-    moves = np.zeros((len(displacements), -(-(layout.TRANSITION + slots) // 8) * 8), np.float32)
-    moves[:, : layout.TRANSITION] = np.column_stack(
-        [displacements[:, :2], np.cos(displacements[:, 2]), np.sin(displacements[:, 2]), costs]
-    )
+    columns = [displacements[:, :2], np.cos(displacements[:, 2]), np.sin(displacements[:, 2]), costs]
+    prices = np.zeros((len(displacements), slots), np.float32)
     for p, (policy, table) in enumerate(zip(policies, tables, strict=True)):
         own = slice(starts["action"][p], starts["action"][p + 1])
         for slot, behaviour in enumerate(policy.behaviours):
             for term in behaviour.terms:
                 spent = term.spent(table.actions, behaviour.discount) if isinstance(term, StrikeTerm) else 0.0
-                moves[own, layout.TRANSITION + slot] += spent - term.of_actions(table.actions)
-    return moves
+                prices[own, slot] += spent - term.of_actions(table.actions)
+    return records(np.column_stack(columns), MOVE), prices
 
 
 def grid_records(policies: Sequence[Policy]) -> Array:
     """Return each behaviour's axes, those of a kind in one place; one that it does not have is a single point."""
-    grids = np.zeros((sum(len(policy.behaviours) for policy in policies), len(AXES)), layout.GRID_AXIS)
+    grids = np.zeros((sum(len(policy.behaviours) for policy in policies), len(AXES)), GRID_AXIS)
     grids["per_unit"] = grids["points"] = 1.0
     behaviours = (behaviour for policy in policies for behaviour in policy.behaviours)
     for grid, behaviour in zip(grids, behaviours, strict=True):

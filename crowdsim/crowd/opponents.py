@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.arrays import Avatars
+from crowdsim.crowd.arrays import BY_SLOT, Avatars
 from crowdsim.crowd.kd_tree import fit_tree, plan_tree, sort_tree
 from crowdsim.crowd.kernels.kd_queries import observe
 from crowdsim.crowd.kernels.kd_tree import Tree
@@ -110,7 +110,7 @@ class ScipyIndex(TreeIndex):
 
     def observe(self, avatars: Avatars, due: Array, reach: float, out: Observed) -> None:
         """Write the nearest opponent's slot, and the slots of neighbours, for each slot of ``due``, which ascend."""
-        skip_none = np.full(len(avatars.skip), -2, np.int32)
+        skip_none = np.full(len(avatars.x), -2, np.int32)
         assert self._tree is not None
         observe(self._tree, due, skip_none, avatars.opponent, avatars.slot_of, reach, out)
         for skip, (slots, tree) in self._trees.items():
@@ -143,7 +143,7 @@ def build_index(search: str, workers: Workers, sort_every: int = SORT_EVERY) -> 
 def store_in_order(avatars: Avatars, order: Array) -> None:
     """Bring the first slots into another order; ``order`` is where each slot's avatar is now. Shape (n,)."""
     count = len(order)
-    for rows in (avatars.whole, avatars.real):
-        for row in rows:
-            row[:count] = row[:count][order]
+    for name in BY_SLOT:
+        values = getattr(avatars, name)
+        values[:count] = values[:count][order]
     avatars.slot_of[avatars.number[:count]] = np.arange(count, dtype=np.int32)

@@ -7,10 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.arrays import Avatars, Strikes, World
+from crowdsim.crowd.arrays import Avatars, World
 from crowdsim.crowd.crowd import Crowd
-from crowdsim.crowd.kernels import layout
-from crowdsim.crowd.kernels.strikes import ATTACKER, OUTCOME, VICTIM
+from crowdsim.crowd.kernels.layout import LANDED
 from crowdsim.crowd.script import Change
 from crowdsim.crowd.triggers import EVERY_FRAME, STRIKES, AtFrame
 
@@ -36,17 +35,17 @@ class Progress:
         self.landed = np.zeros(int(crowd.cast.teams.max(initial=0)) + 1, np.int64)
         self.landed_on = np.zeros(int(crowd.group.max(initial=0)) + 1, np.int64)
 
-    def count(self, thrown: Strikes) -> None:
-        """Count strikes that have landed."""
-        landed = thrown.whole[thrown.whole[:, OUTCOME] == layout.LANDED]
-        self.landed += np.bincount(self._crowd.cast.teams[landed[:, ATTACKER]], minlength=len(self.landed))
-        victims = landed[landed[:, VICTIM] >= 0, VICTIM]
+    def count(self, thrown: Array) -> None:
+        """Count strikes (``records.STRIKE``) that have landed."""
+        landed = thrown[thrown["outcome"] == LANDED]
+        self.landed += np.bincount(self._crowd.cast.teams[landed["attacker"]], minlength=len(self.landed))
+        victims = landed["victim"][landed["victim"] >= 0]
         self.landed_on += np.bincount(self._crowd.group[victims], minlength=len(self.landed_on))
 
     @property
     def downs(self) -> Array:
         """How often each avatar has been knocked down, by number. Shape (N,), or (0,) where none can be."""
-        return self._avatars.conditions[:, layout.DOWNS]
+        return self._avatars.conditions["downs"]
 
     def downs_of(self, group: int) -> int:
         """Return how often avatars of a group, or of all with -1, have been knocked down."""
@@ -62,8 +61,8 @@ class Progress:
         if len(now) == 0:
             return np.zeros(self._crowd.count, bool)
         rules = self._world.rules[self._crowd.cohort]
-        spent = (now[:, layout.HEALTH] <= 0.0) | (now[:, layout.DOWNS] >= rules[:, layout.MOST_DOWNS])
-        out: Array = (rules[:, layout.FULL_HEALTH] > 0.0) & spent
+        spent = (now["health"] <= 0.0) | (now["downs"] >= rules["most_downs"])
+        out: Array = (rules["full_health"] > 0.0) & spent
         return out
 
     @property
@@ -78,8 +77,8 @@ class Progress:
         now = self._avatars.conditions
         if len(now) == 0:
             return float("inf")
-        hurt = (self._crowd.group == group) & (self._world.rules[self._crowd.cohort, layout.FULL_HEALTH] > 0.0)
-        return float(now[hurt, layout.HEALTH].min(initial=np.inf))
+        hurt = (self._crowd.group == group) & (self._world.rules["full_health"][self._crowd.cohort] > 0.0)
+        return float(now["health"][hurt].min(initial=np.inf))
 
     def distance_of(self, one: int, other: int) -> float:
         """Return the least distance between avatars of two groups that are there [m]."""

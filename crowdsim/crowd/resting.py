@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.kernels.layout import POINTS_OF_WALK
 from crowdsim.crowd.kernels.resting import NO_WAY
 from crowdsim.motion import ground
 
@@ -52,14 +51,14 @@ SPACING = 0.5
 """About how far apart the points of a walk are [m]."""
 
 
-def walk_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> Array:
-    """Return the walks of all policies, see ``Model``; its last point fills the columns that a walk does not need.
+def walk_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> tuple[Array, Array]:
+    """Return the walks of all policies, and their points, see ``Model``. Shapes (n, 3) and (n, most points, 2).
 
     Args:
         policies: The policies.
         starts: First action of each in the run, and the number of all.
     """
-    heads: list[tuple[int, int, float]] = []
+    heads: list[tuple[float, int, int]] = []
     lines: list[Array] = []
     before = 0
     for number, policy in enumerate(policies):
@@ -70,15 +69,14 @@ def walk_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> Array:
             path = _path(policy.actions, rests, int(take), int(row))
             far = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
             marks = np.linspace(0.0, far[-1], max(1, round(float(far[-1]) / SPACING)) + 1)[1:]
-            heads.append((int(starts["action"][number]) + int(take), before + int(row), float(np.hypot(*path.T).max())))
+            heads.append((float(np.hypot(*path.T).max()), int(starts["action"][number]) + int(take), before + int(row)))
             lines.append(np.column_stack([np.interp(marks, far, path[:, column]) for column in range(2)]))
         before += len(rests.hold) + len(rests.walks.hold)
     most = max((len(line) for line in lines), default=0)
-    rows = np.zeros((len(lines), POINTS_OF_WALK + 2 * most))
-    for row, head, line in zip(rows, heads, lines, strict=True):
-        row[:POINTS_OF_WALK] = head
-        row[POINTS_OF_WALK:] = line[np.minimum(np.arange(most), len(line) - 1)].reshape(-1)
-    return rows
+    points = np.zeros((len(lines), most, 2))
+    for row, line in zip(points, lines, strict=True):
+        row[:] = line[np.minimum(np.arange(most), len(line) - 1)]
+    return np.array(heads).reshape(-1, 3), points
 
 
 def note_walks(policies: Sequence[Policy], starts: dict[str, Array], halts: Array) -> None:

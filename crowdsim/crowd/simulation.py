@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World
+from crowdsim.crowd.arrays import Arena, Avatars, CrowdingRules, Model, Record, Streams, World
 from crowdsim.crowd.buffers import empty_record, empty_scratch, empty_strikes
 from crowdsim.crowd.chunk import STAGES, Chunk, Frame, events_of
 from crowdsim.crowd.cohorts import cohort_columns
@@ -20,6 +20,7 @@ from crowdsim.crowd.crowd import Crowd, build_avatars, enter
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.layout import Now
 from crowdsim.crowd.kernels.loop import run_frames
+from crowdsim.crowd.kernels.records import COHORT, RULE, records
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import Index, build_index
 from crowdsim.crowd.outcome import Outcome, find_outcome
@@ -93,15 +94,13 @@ class Simulation:
         self._scratch = empty_scratch(self.model, crowd.crowding.most, min(SMALL, max(crowd.count, 1)))
         self._world = World(
             weights=np.array(crowd.weights, dtype=float),
-            cohorts=np.column_stack(cohort_columns(crowd)).astype(float),
-            rules=np.array(crowd.rules, dtype=float)
-            if len(crowd.rules)
-            else np.zeros((len(crowd.weights), layout.RULES)),
+            cohorts=records(np.column_stack(cohort_columns(crowd)), COHORT),
+            rules=records(crowd.rules, RULE) if len(crowd.rules) else np.zeros(len(crowd.weights), RULE),
             pauses=np.zeros(1),
-            arena=np.array(crowd.arena, dtype=float),
-            crowding=crowd.crowding.numbers(),
+            arena=Arena(*map(float, crowd.arena)),
+            crowding=CrowdingRules(*map(float, crowd.crowding.numbers())),
             targets=np.zeros((2, 0, 3)),
-            stream=np.array([stream(crowd.seed, Purpose.CHOICE), stream(crowd.seed, Purpose.BURST)], np.uint64),
+            streams=Streams(*(np.uint64(stream(crowd.seed, one)) for one in (Purpose.CHOICE, Purpose.BURST))),
         )
         self._agenda = Agenda(crowd, Progress(crowd, self.avatars, self._world))
 
@@ -176,7 +175,7 @@ class Simulation:
         first, count = self.frame, self.crowd.count
         frames = min(frames, max(self.crowd.frames - first, 0))
         record = empty_record(frames, count)
-        timings = np.zeros((frames, len(STAGES)), np.int64) if self._profiled else None
+        timings = np.zeros((frames if self._profiled else 0, len(STAGES)), np.int64)
         strikes = []
         done = 0
         while done < frames and not self.is_over:
@@ -190,7 +189,7 @@ class Simulation:
                 most = min(most, self.outcome.frame + self._lingers - self.frame)
             step = self._agenda.until_next(self.frame, most)
             rows = record.rows(done, done + step)
-            times = None if timings is None else timings[done : done + step]
+            times = timings[done : done + step]
             if self.present <= SMALL and self._search == "auto":
                 ran, thrown = self._run_small(rows, times)
             else:
@@ -202,26 +201,21 @@ class Simulation:
         targets = target_positions(self.crowd.targets, first, done, self.rate)
         return Chunk(
             first=first,
-            action=record.whole[0],
-            action_frame=record.real[0],
-            x=record.real[1],
-            z=record.real[2],
-            heading=record.real[3],
-            opponent=record.whole[1],
+            **record._asdict(),
             targets=targets.astype(np.float32),
             events=events_of(strikes or [empty_strikes(0)]),
-            timings=None if timings is None else timings[:done],
+            timings=timings[:done] if self._profiled else None,
         )
 
-    def _run_small(self, rows: Record, timings: Array | None) -> tuple[int, Strikes]:
+    def _run_small(self, rows: Record, timings: Array) -> tuple[int, Array]:
         """Run as many frames as there are rows, or as there is room for strikes, in one compiled call."""
-        frames, present = rows.whole.shape[1], self.present
+        frames, present = len(rows.action), self.present
         world = self._world_at(self.frame - 1, frames + 1)
         strikes = empty_strikes(16 * present + present * frames // 2)
         fresh = len(self._fresh) > 0
         if fresh and len(self._fresh) < present:
             # Avatars that have just entered decide before the others move.
-            return self._run_stages(rows.rows(0, 1), None if timings is None else timings[:1])
+            return self._run_stages(rows.rows(0, 1), timings[:1])
         self._note_search("direct")
         ran, held, lost = run_frames(
             self.model, self.avatars, world, self._now, frames, fresh, self._scratch, rows, strikes, timings
@@ -230,9 +224,9 @@ class Simulation:
             raise lost_avatar(self.avatars, lost, self.frame + ran)
         self._fresh = self._fresh[:0]
         self.frame += ran
-        return int(ran), Strikes(strikes.whole[:held], strikes.real[:held])
+        return int(ran), strikes[:held]
 
-    def _run_stages(self, rows: Record, timings: Array | None) -> tuple[int, Strikes]:
+    def _run_stages(self, rows: Record, timings: Array) -> tuple[int, Array]:
         """Run one frame, each stage shared out among threads."""
         self._note_search("scipy" if self._search == "scipy" else "kd_tree")
         fresh, self._fresh = self._fresh, self._fresh[:0]
@@ -251,9 +245,9 @@ class Simulation:
 
     def _blank(self, record: Record, first: int, last: int) -> None:
         """Mark avatars as absent in the record; those that are present write over it."""
-        record.whole[:, first:last] = -1
-        record.real[0, first:last] = 0.0
-        record.real[1:, first:last] = np.nan
+        absent = record.rows(first, last)
+        absent.action[:], absent.opponent[:], absent.action_frame[:] = -1, -1, 0.0
+        absent.x[:], absent.z[:], absent.heading[:] = np.nan, np.nan, np.nan
 
     def _apply_events(self) -> None:
         """Make changes whose time has come, before this frame's decisions."""
@@ -261,7 +255,7 @@ class Simulation:
         progress.frame, progress.present = self.frame, self.present
         if len(self.avatars.conditions):
             # Those leave that are out and whose policies have no falls.
-            leave = self.avatars.conditions[self.avatars.number, layout.STANDING] == layout.OUT
+            leave = self.avatars.conditions["standing"][self.avatars.number] == layout.OUT
             if leave[: self.present].any():
                 self._admit(leave, present=False)
                 self._index.reset()
@@ -275,10 +269,10 @@ class Simulation:
     def _apply(self, change: Change) -> None:
         for values, new in (
             (self._world.weights, change.weights),
-            (self._world.cohorts[:, layout.TEMPERATURE], change.temperatures),
-            (self._world.cohorts[:, layout.HYSTERESIS], change.hysteresis),
-            (self._world.cohorts[:, layout.DEFENCE], change.defences),
-            (self._world.rules[:, layout.ATTACKERS], change.attackers),
+            (self._world.cohorts["temperature"], change.temperatures),
+            (self._world.cohorts["hysteresis"], change.hysteresis),
+            (self._world.cohorts["defence"], change.defences),
+            (self._world.rules["attackers"], change.attackers),
         ):
             if new is not None:
                 np.copyto(values, new, where=~np.isnan(new))
@@ -287,11 +281,11 @@ class Simulation:
         concerned = change.who[self.avatars.number]
         if change.skip is not None and change.fixed is not None:
             numbers = self.avatars.number[concerned]
-            self.avatars.whole[layout.SKIP, concerned] = change.skip[numbers]
-            self.avatars.whole[layout.FIXED, concerned] = change.fixed[numbers]
+            self.avatars.skip[concerned] = change.skip[numbers]
+            self.avatars.fixed[concerned] = change.fixed[numbers]
         if change.mode is not None:
-            self.avatars.conditions[change.who, layout.MODE] = change.mode
-            self.avatars.conditions[change.who, layout.KEEPS] = change.distance
+            self.avatars.conditions["mode"][change.who] = change.mode
+            self.avatars.conditions["keeps"][change.who] = change.distance
         if change.present is not None:
             self._admit(concerned, change.present)
         self._index.reset()

@@ -7,15 +7,14 @@ from time import perf_counter_ns
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.arrays import Avatars, Model, Record, Strikes, World
+from crowdsim.crowd.arrays import Avatars, Model, Record, World
 from crowdsim.crowd.buffers import empty_scratch, empty_strikes
 from crowdsim.crowd.crowd import Crowd
-from crowdsim.crowd.kernels.damage import hurt
+from crowdsim.crowd.kernels.advance import advance, switch
 from crowdsim.crowd.kernels.decide import decide
-from crowdsim.crowd.kernels.layout import ACTION_BEFORE, ENTERED, PHASE, PHASE_BEFORE, Now, Observed
-from crowdsim.crowd.kernels.motion import advance, switch
+from crowdsim.crowd.kernels.layout import ENTERED, Now, Observed
 from crowdsim.crowd.kernels.record import write_record
-from crowdsim.crowd.kernels.strikes import note_hits, strike
+from crowdsim.crowd.kernels.resolve import list_strikes, resolve
 from crowdsim.crowd.opponents import Index
 from crowdsim.crowd.workers import Workers
 from crowdsim.errors import RunError
@@ -45,7 +44,7 @@ class Stages:
         """Memory of the stages."""
         return self._due.nbytes
 
-    def run(self, world: World, now: Now, fresh: Array, rows: Record, timings: Array | None) -> Strikes:
+    def run(self, world: World, now: Now, fresh: Array, rows: Record, timings: Array) -> Array:
         """Run a frame into the first of ``rows``, and return the strikes thrown since the frame before.
 
         Args:
@@ -53,7 +52,7 @@ class Stages:
             now: The frame.
             fresh: Slots of avatars that have just entered; they decide and do not move.
             rows: Where the frame is recorded.
-            timings: Where the time of each stage is written [ns]. Shape (1 or more, 6).
+            timings: Where the time of each stage is written [ns]. Shape (1 or more, 6), or (0, 6) for nowhere.
 
         Raises:
             RunError: An avatar's position or values are not finite; the message names avatar and frame.
@@ -76,7 +75,7 @@ class Stages:
         clock.append(perf_counter_ns())
         workers.each(lambda first, last: write_record(model, avatars, rows, 0, first, last), now.present)
         clock.append(perf_counter_ns())
-        if timings is not None:
+        if len(timings):
             spent = np.diff(clock)
             timings[0] = (
                 spent[1], int(spent[2] * observing), spent[2] - int(spent[2] * observing), spent[0] + spent[3],
@@ -91,8 +90,9 @@ class Stages:
         due = self._advance(now)
         if len(fresh):
             # They have not moved yet: they are at the end of the action that brings them in.
-            self._avatars.real[PHASE, fresh] = self._avatars.real[PHASE_BEFORE, fresh]
-            self._avatars.whole[ACTION_BEFORE, fresh] = ENTERED
+            motion, playback = self._avatars.motion, self._avatars.playback
+            motion["phase"][fresh] = playback["phase_before"][fresh]
+            playback["action_before"][fresh] = ENTERED
             due = np.union1d(due, fresh).astype(np.int32)
         return due
 
@@ -138,25 +138,23 @@ class Stages:
             raise lost_avatar(self._avatars, min(lost, key=lambda slot: self._avatars.number[slot]), now.frame)
         return spent[0] / spent[1]
 
-    def _strike(self, world: World, now: Now) -> Strikes:
+    def _strike(self, world: World, now: Now) -> Array:
         """List the strikes thrown since the frame before."""
-        found: dict[int, Strikes] = {}
+        found: dict[int, Array] = {}
 
         def throw(first: int, last: int) -> None:
             room = 64 + (last - first) // 3
             while True:
                 strikes = empty_strikes(room)
-                held = strike(self._model, self._avatars, world, now, first, last, self._due, strikes, 0)
+                held = list_strikes(self._model, self._avatars, world, now, first, last, self._due, strikes, 0)
                 if held <= room:
-                    found[first] = Strikes(strikes.whole[:held], strikes.real[:held])
+                    found[first] = strikes[:held]
                     return
                 room = held
 
         self._workers.each(throw, now.present)
-        parts = [found[first] for first in sorted(found)]
-        thrown = Strikes(*(np.concatenate(part) for part in zip(*parts, strict=True))) if parts else empty_strikes(0)
-        note_hits(self._model, self._avatars, now.frame, thrown, 0, len(thrown.whole))
-        hurt(self._model, self._avatars, world, now.frame, thrown, 0, len(thrown.whole))
+        thrown = np.concatenate([empty_strikes(0), *(found[first] for first in sorted(found))])
+        resolve(self._model, self._avatars, world, now.frame, thrown, 0, len(thrown))
         return thrown
 
 

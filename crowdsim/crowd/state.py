@@ -9,11 +9,12 @@ from these.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.arrays import Avatars
+from crowdsim.crowd.arrays import BY_SLOT, Avatars
 from crowdsim.crowd.outcome import Outcome
 from crowdsim.crowd.state_checks import Changing, check_values
 
@@ -30,25 +31,23 @@ STATE = (
 )
 """What changes in a simulation while it runs and decides how it goes on; of avatars and world every array."""
 
-_BY_SLOT = ("whole", "real")
-"""Arrays of avatars with a column for each slot; the others do not depend on slots."""
-
 
 def read_state(simulation: Changing) -> dict[str, Array]:
     """Return copies of all arrays that decide how a simulation goes on, by name.
 
-    Those of ``whole`` and ``real`` have one column an avatar number, those of the world the names of its fields.
+    Those of avatars have an entry for each avatar number. Fields of records are arrays of their own.
     """
     avatars, agenda = simulation.avatars, simulation._agenda
-    state = {
-        f"avatars.{name}": values[..., avatars.slot_of] if name in _BY_SLOT else values.copy()
-        for name, values in _arrays(avatars).items()
-    }
+    state = {}
+    for name, values in _arrays(avatars).items():
+        stored = values[avatars.slot_of] if name in BY_SLOT else values
+        state.update({field: column.copy() for field, column in _columns(f"avatars.{name}", stored).items()})
     present = np.zeros(simulation.crowd.count, bool)
     present[avatars.number[: simulation.present]] = True
     state["present"] = present
     state["fresh"] = np.sort(avatars.number[simulation._fresh])
-    state.update({f"world.{name}": values.copy() for name, values in simulation._world._asdict().items()})
+    for name, values in simulation._world._asdict().items():
+        state.update({field: np.array(column) for field, column in _columns(f"world.{name}", values).items()})
     state["agenda.pending"] = np.array(agenda.pending, np.int64)
     state["agenda.landed"], state["agenda.landed_on"] = agenda.progress.landed.copy(), agenda.progress.landed_on.copy()
     ended = simulation.outcome
@@ -78,13 +77,15 @@ def write_state(simulation: Changing, state: Mapping[str, Array]) -> None:
     avatars = simulation.avatars
     order = np.argsort(~state["present"], kind="stable").astype(np.int32)
     for name, values in _arrays(avatars).items():
-        saved = state[f"avatars.{name}"]
-        values[...] = saved[..., order] if name in _BY_SLOT else saved
+        for field, column in _columns(f"avatars.{name}", values).items():
+            column[...] = state[field][order] if name in BY_SLOT else state[field]
     avatars.slot_of[order] = np.arange(len(order), dtype=np.int32)
     simulation.present = int(np.count_nonzero(state["present"]))
     simulation._fresh = np.sort(avatars.slot_of[state["fresh"]]).astype(np.int32)
     for name, values in simulation._world._asdict().items():
-        values[...] = state[f"world.{name}"]
+        for field, column in _columns(f"world.{name}", values).items():
+            if isinstance(column, np.ndarray):  # all others are constant
+                column[...] = state[field]
     simulation._agenda.pending = state["agenda.pending"].tolist()
     simulation._agenda.progress.landed[...] = state["agenda.landed"]
     simulation._agenda.progress.landed_on[...] = state["agenda.landed_on"]
@@ -98,3 +99,12 @@ def write_state(simulation: Changing, state: Mapping[str, Array]) -> None:
 def _arrays(avatars: Avatars) -> dict[str, Array]:
     """Return the arrays of avatars, without the order in which they are stored."""
     return {name: values for name, values in avatars._asdict().items() if name != "slot_of"}
+
+
+def _columns(name: str, values: Any) -> dict[str, Any]:
+    """Return the fields of records or of a named tuple by name, as views; of anything else itself."""
+    if isinstance(values, tuple):
+        return {f"{name}.{field}": value for field, value in values._asdict().items()}  # type: ignore[attr-defined]
+    if values.dtype.names is None:
+        return {name: values}
+    return {f"{name}.{field}": values[field] for field in values.dtype.names}

@@ -20,20 +20,17 @@ FAR = 1e9
 """Greatest numbers of an avatar [m, rad, control frames]."""
 _SEARCHES = {"direct", "kd_tree", "scipy"}
 _CONSTANT = {
-    "avatars.whole": (layout.NUMBER, layout.POLICY, layout.COHORT),
-    "avatars.real": (layout.SCALE, layout.SPEED, layout.WIDTH),
+    *(f"avatars.{name}" for name in ("number", "policy", "playback.cohort", "playback.scale", "motion.speed")),
+    *("avatars.motion.width", "world.arena", "world.crowding", "world.streams", "world.cohorts", "world.rules"),
 }
-_MAY_CHANGE = {"cohorts": (layout.TEMPERATURE, layout.HYSTERESIS), "rules": (layout.ATTACKERS,)}
-_ENDLESS = (layout.RISES, layout.HURT_FRAME)
-"""Columns of conditions that are infinite for what never was or will be."""
-_TEMPERAMENT = (layout.TEMPO, layout.AGGRESSION, layout.RANGE, layout.STANCE)
-"""Columns of conditions that never change."""
-_NAMES = {
-    layout.SKIP: "skip", layout.FIXED: "fixed", layout.OPPONENT: "opponent", layout.OPPONENT_BEFORE: "opponent before",
-    layout.DECISIONS: "decisions", layout.ACTION: "action", layout.ACTION_BEFORE: "action before",
-    layout.PENDING: "pending", layout.BURST: "burst", layout.NEXT_OPPONENT: "next opponent", layout.HIT_BY: "hit by",
-    layout.THROWN: "thrown", layout.THROWN_UNTIL: "thrown until",
+"""What never changes, arrays or all fields of one, but for those that may."""
+_MAY_CHANGE = {
+    "world.cohorts.temperature", "world.cohorts.hysteresis", "world.cohorts.defence", "world.rules.attackers",
 }  # fmt: skip
+_ENDLESS = {"rises", "hurt_frame"}
+"""Fields of conditions that are infinite for what never was or will be."""
+_TEMPERAMENT = {"tempo", "aggression", "range", "stance"}
+"""Fields of conditions that never change."""
 
 
 class Changing(Protocol):
@@ -63,98 +60,99 @@ def check_values(simulation: Changing, now: Mapping[str, Array], state: Mapping[
     Raises:
         ValueError: A value is out of range, or what never changes is another.
     """
-    for name, rows in _CONSTANT.items():
-        if not np.array_equal(now[name][list(rows)], state[name][list(rows)]):
-            raise ValueError(f"array {name!r} holds other avatars than those of the run")
-    for name in ("world.arena", "world.crowding", "world.stream"):
-        if not np.array_equal(now[name], state[name]):
+    for name in sorted(now.keys() - _MAY_CHANGE):
+        is_constant = name in _CONSTANT or name.rpartition(".")[0] in _CONSTANT
+        if is_constant and not np.array_equal(now[name], state[name]):
             raise ValueError(f"array {name!r} is not that of the run")
-    _check_whole(simulation, state)
-    _check_real(simulation, state)
+    _check_integers(simulation, state)
+    _check_numbers(simulation, state)
     _check_conditions(simulation, now, state)
-    _check_world(now, state)
+    _check_world(state)
     _check_rest(simulation, state)
 
 
-def _check_whole(simulation: Changing, state: Mapping[str, Array]) -> None:
-    whole, model, count = state["avatars.whole"], simulation.model, simulation.crowd.count
+def _check_integers(simulation: Changing, state: Mapping[str, Array]) -> None:
+    model, count = simulation.model, simulation.crowd.count
     least, most = -1 - len(simulation.crowd.targets), 2**31 - 1
-    policy = whole[layout.POLICY]
-    first, last = model.policies[policy, layout.ACTIONS], model.policies[policy + 1, layout.ACTIONS] - 1
-    others = dict.fromkeys(
-        (layout.FIXED, layout.OPPONENT, layout.OPPONENT_BEFORE, layout.NEXT_OPPONENT), (least, count - 1)
-    )
-    limits: dict[int, tuple[int | Array, int | Array]] = {
-        **others,
-        layout.SKIP: (-2, int(simulation.crowd.cast.teams.max(initial=0))),
-        layout.DECISIONS: (0, most),
-        layout.ACTION: (first, last),
-        layout.PENDING: (-1, layout.NO_STRIKE),
-        layout.BURST: (0, most),
-        layout.HIT_BY: (-1, count - 1),
-        layout.THROWN: (-1, len(model.twins) - 1),
-        layout.THROWN_UNTIL: (-1, most),
+    policy = state["avatars.policy"]
+    first, last = model.policies["actions"][policy], model.policies["actions"][policy + 1] - 1
+    limits: dict[str, tuple[int | Array, int | Array]] = {
+        **dict.fromkeys(("fixed", "opponent", "fight.opponent_before", "fight.next_opponent"), (least, count - 1)),
+        "skip": (-2, int(simulation.crowd.cast.teams.max(initial=0))),
+        "fight.decisions": (0, most),
+        "motion.action": (first, last),
+        "motion.pending": (-1, layout.NO_STRIKE),
+        "fight.burst": (0, most),
+        "fight.hit_by": (-1, count - 1),
+        "fight.thrown": (-1, len(model.twins) - 1),
+        "fight.thrown_until": (-1, most),
     }
-    for row, (low, high) in limits.items():
-        _refuse(f"avatars.whole, {_NAMES[row]}", whole[row], (whole[row] >= low) & (whole[row] <= high))
-    before = whole[layout.ACTION_BEFORE]
+    for name, (low, high) in limits.items():
+        values = state[f"avatars.{name}"]
+        _refuse(f"avatars.{name}", values, (values >= low) & (values <= high))
+    before = state["avatars.playback.action_before"]
     inside = ((before >= first) & (before <= last)) | ((before >= layout.ENTERED) & (before < 0))
-    _refuse(f"avatars.whole, {_NAMES[layout.ACTION_BEFORE]}", before, inside)
+    _refuse("avatars.playback.action_before", before, inside)
 
 
-def _check_real(simulation: Changing, state: Mapping[str, Array]) -> None:
-    whole, real, model = state["avatars.whole"], state["avatars.real"], simulation.model
-    never = np.zeros(real.shape, bool)
-    never[layout.HIT_FRAME] = np.isneginf(real[layout.HIT_FRAME])
-    _refuse("avatars.real", real, (np.abs(real) <= FAR) | never)
-    before = np.where(whole[layout.ACTION_BEFORE] >= 0, whole[layout.ACTION_BEFORE], whole[layout.ACTION])
-    for row, action in ((layout.PHASE, whole[layout.ACTION]), (layout.PHASE_BEFORE, before)):
-        most = model.actions[action, layout.LENGTH] + real[layout.SPEED] + 1e-6
-        _refuse("avatars.real, phase", real[row], (real[row] >= 0.0) & (real[row] <= most))
+def _check_numbers(simulation: Changing, state: Mapping[str, Array]) -> None:
+    model = simulation.model
+    for name, values in state.items():
+        if (
+            name.startswith(("avatars.x", "avatars.z", "avatars.motion.", "avatars.fight."))
+            and values.dtype.kind == "f"
+        ):
+            never = np.isneginf(values) if name == "avatars.fight.hit_frame" else np.zeros(values.shape, bool)
+            _refuse(name, values, (np.abs(values) <= FAR) | never)
+    action, before = state["avatars.motion.action"], state["avatars.playback.action_before"]
+    before = np.where(before >= 0, before, action)
+    for name, shown in (("motion.phase", action), ("playback.phase_before", before)):
+        values, speed = state[f"avatars.{name}"], state["avatars.motion.speed"]
+        most = model.actions["length"][shown] + speed + 1e-6
+        _refuse(f"avatars.{name}", values, (values >= 0.0) & (values <= most))
     shown = state["avatars.shown"]
     _refuse("avatars.shown", shown, (shown < len(model.twins)) | (shown == NONE))
-    seen = state["avatars.seen"]
-    _refuse("avatars.seen", seen, np.abs(seen) <= FAR)
-    frames = seen.reshape(-1, 2, 4)[..., layout.SEEN_FRAME]
-    _refuse("avatars.seen, frame", frames, ((frames >= 0.0) & (frames <= len(model.bodies) - 1)) | (frames == -1.0))
+    for name in ("x", "z", "turn"):
+        seen = state[f"avatars.seen.{name}"]
+        _refuse(f"avatars.seen.{name}", seen, np.abs(seen) <= FAR)
+    frames = state["avatars.seen.frame"]
+    _refuse("avatars.seen.frame", frames, ((frames >= 0.0) & (frames <= len(model.bodies) - 1)) | (frames == -1.0))
 
 
 def _check_conditions(simulation: Changing, now: Mapping[str, Array], state: Mapping[str, Array]) -> None:
     """Hold what avatars are told to do, how well they are, and what they are like against what can be."""
-    rows, whole = state["avatars.conditions"], state["avatars.whole"]
-    team = whole[layout.TEAM]
+    prefix = "avatars.conditions."
+    fields = {name.removeprefix(prefix): values for name, values in state.items() if name.startswith(prefix)}
+    team = state["avatars.team"]
     own = simulation.crowd.cast.teams[: len(team)].astype(np.int32)
     is_down = np.zeros(len(team), bool)
-    if not np.array_equal(now["avatars.conditions"][:, _TEMPERAMENT], rows[:, _TEMPERAMENT]):
-        raise ValueError("array 'avatars.conditions' holds other temperaments or stances than those of the run")
-    if len(rows):
-        falls = simulation.model.falls
-        standing = rows[:, (layout.STANDING, layout.STANDING_NEXT)]
-        _refuse("avatars.conditions, standing", standing, np.isin(standing, np.arange(layout.OUT + 1)))
-        for column in (layout.MODE, layout.DOES, layout.DOES_NEXT):
-            _refuse("avatars.conditions, mode", rows[:, column], np.isin(rows[:, column], (0.0, 1.0, 2.0, 3.0)))
-        is_down = (standing[:, 0] >= layout.DROPS) & ~(standing[:, 0] == layout.UP)
-        fall = rows[:, layout.FALL]
-        lies = np.isin(standing, (layout.FALLING, layout.LYING, layout.RISING)).any(axis=1)
+    for name in sorted(_TEMPERAMENT):
+        if not np.array_equal(now[prefix + name], fields[name]):
+            raise ValueError(f"array {prefix + name!r} is not that of the run")
+    if len(fields["mode"]):
+        falls, standing = simulation.model.falls, fields["standing"]
+        for name in ("standing", "standing_next"):
+            _refuse(prefix + name, fields[name], np.isin(fields[name], np.arange(layout.OUT + 1)))
+        for name in ("mode", "does", "does_next"):
+            _refuse(prefix + name, fields[name], np.isin(fields[name], (0.0, 1.0, 2.0, 3.0)))
+        is_down = (standing >= layout.DROPS) & ~(standing == layout.UP)
+        fall, lying = fields["fall"], (layout.FALLING, layout.LYING, layout.RISING)
+        lies = np.isin(standing, lying) | np.isin(fields["standing_next"], lying)
         known = (fall == np.floor(fall)) & (fall >= 0) & (fall < max(len(falls), 1))
-        _refuse("avatars.conditions, fall", fall, known & (~lies | (len(falls) > 0)))
-        piece = rows[:, layout.PIECE]
+        _refuse(prefix + "fall", fall, known & (~lies | (len(falls) > 0)))
+        piece = fields["piece"]
         inside = (piece >= 0) & (piece <= len(simulation.model.rests)) & (piece == np.floor(piece))
-        _refuse("avatars.conditions, piece", piece, inside)
-        numbers = rows[:, [column for column in range(rows.shape[1]) if column not in (*_ENDLESS, *_TEMPERAMENT)]]
-        _refuse("avatars.conditions", numbers, (numbers >= 0.0) & (numbers <= FAR))
-        _refuse("avatars.conditions", rows, ~np.isnan(rows))
-    _refuse("avatars.whole, team", team, np.where(is_down, team == -2 - own, team == own))
+        _refuse(prefix + "piece", piece, inside)
+        for name, values in fields.items():
+            inside = (values >= 0.0) & (values <= FAR) if name not in _ENDLESS | _TEMPERAMENT else ~np.isnan(values)
+            _refuse(prefix + name, values, inside)
+    _refuse("avatars.team", team, np.where(is_down, team == -2 - own, team == own))
 
 
-def _check_world(now: Mapping[str, Array], state: Mapping[str, Array]) -> None:
-    for name, changing in _MAY_CHANGE.items():
-        found, before = state[f"world.{name}"], now[f"world.{name}"]
-        same = [column for column in range(found.shape[1]) if column not in changing]
-        if not np.array_equal(found[:, same], before[:, same]):
-            raise ValueError(f"array 'world.{name}' is not that of the run")
-    for name in ("world.cohorts", "world.rules", "world.weights", "world.pauses"):
-        _refuse(name, state[name], (state[name] >= 0.0) & (state[name] <= FAR))
+def _check_world(state: Mapping[str, Array]) -> None:
+    for name in sorted(state):
+        if name.startswith(("world.cohorts.", "world.rules.")) or name in ("world.weights", "world.pauses"):
+            _refuse(name, state[name], (state[name] >= 0.0) & (state[name] <= FAR))
     _refuse("world.targets", state["world.targets"], np.abs(state["world.targets"]) <= FAR)
 
 

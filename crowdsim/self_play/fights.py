@@ -136,15 +136,16 @@ def watch_fights(
         report: Called with frames done and frames.
     """
     count = simulation.crowd.count
-    whole = simulation.avatars.whole
-    decided = whole[layout.DECISIONS].copy()
+    avatars, decisions_of = simulation.avatars, simulation.avatars.fight["decisions"]
+    decided = decisions_of.copy()
     decisions, taken, landed = [], np.zeros((frames, count)), np.zeros((frames, count))
     for frame in range(frames):
         events = simulation.run(1).events
-        slots = np.flatnonzero((whole[layout.DECISIONS] != decided) & (whole[layout.THREAT] >= 0))
-        decided = whole[layout.DECISIONS].copy()
-        numbers = whole[layout.NUMBER, slots]
-        row = np.stack([np.full(len(slots), frame), numbers, whole[layout.ACTION, slots], whole[layout.THREAT, slots]])
+        threats = avatars.fight["threat"]
+        slots = np.flatnonzero((decisions_of != decided) & (threats >= 0))
+        decided = decisions_of.copy()
+        numbers = avatars.number[slots]
+        row = np.stack([np.full(len(slots), frame), numbers, avatars.motion["action"][slots], threats[slots]])
         decisions.append(row[:, learners[numbers]])
         worth = _worth(events)
         np.add.at(taken[frame], events.victim[worth > 0.0], worth[worth > 0.0])

@@ -14,6 +14,7 @@ from crowdsim.crowd.crowd import Crowding
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.damage import GRAIN, LATELY, STRONGEST
 from crowdsim.crowd.kernels.interpolation import between
+from crowdsim.crowd.kernels.records import CAPSULE, FALL, LINE, RULE
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.script import Change, End
 from crowdsim.crowd.simulate import simulate
@@ -37,21 +38,28 @@ def fighters(count=12, **other):
 def with_falls(directions=(0.0, math.pi), kinds=(0, 1, 2)):
     """Return the model of the policy with falls that are made of its actions."""
     model = build_model(POLICIES)
-    rows = [(0, kind, 4 * fall + kind, 3 * fall) for fall in range(len(directions)) for kind in kinds]
-    turns = np.repeat(np.asarray(directions, float), len(kinds))
-    return falling(model, rows, turns)
+    rows = [
+        (turn, 0, kind, 4 * fall + kind, 3 * fall)
+        for fall, turn in enumerate(np.asarray(directions, float))
+        for kind in kinds
+    ]
+    return falling(model, rows)
 
 
-def falling(model, rows, directions, axes=None):
+def falling(model, rows):
     """Return a model with these falls, whose bodies have no capsules that anyone could tread on."""
     count = len(rows)
     return model._replace(
-        falls=np.array(rows, np.int32),
-        fall_directions=np.asarray(directions, float),
-        fall_axes=np.zeros((count, 8)) if axes is None else axes,
-        fall_capsules=np.zeros((count, 0, 8)),
-        soles=np.zeros((len(model.ground), 12), np.float32),
+        falls=np.array(rows, FALL),
+        fall_axes=np.zeros((count, 2), LINE),
+        fall_capsules=np.zeros((count, 0), CAPSULE),
+        soles=np.zeros((len(model.ground), 2, 2, 3), np.float32),
     )
+
+
+def column(name):
+    """The column of a rule in ``Crowd.rules``."""
+    return RULE.names.index(name)
 
 
 def run(people, frames=200, model=None, **other):
@@ -63,11 +71,11 @@ def harm(one, events, k):
     """Return what a strike takes, in the frame that a simulation has just done."""
     avatars, model, point, speed = one.avatars, one.model, events.point[k], events.speed[k]
     j, i = (int(avatars.slot_of[number]) for number in (events.victim[k], events.attacker[k]))
-    action = avatars.whole[layout.ACTION, j]
-    done = min(avatars.real[layout.PHASE, j], model.actions[action, layout.LENGTH])
-    frame = model.actions[action, layout.ORIGIN] + done * model.policies[0, layout.STRIDE]
-    share = 1.0 if point[1] >= between(model.bodies, frame, layout.NECK + 1) * avatars.real[layout.SCALE, j] else BODY
-    strength = min(speed / model.sizes[avatars.whole[layout.POLICY, i], layout.STRONG], STRONGEST)
+    action = avatars.motion["action"][j]
+    done = min(avatars.motion["phase"][j], model.actions["length"][action])
+    frame = model.actions["origin"][action] + done * model.policies["stride"][0]
+    share = 1.0 if point[1] >= between(model.bodies, frame, layout.NECK, 1) * avatars.playback["scale"][j] else BODY
+    strength = min(speed / model.sizes["strong"][avatars.policy[i]], STRONGEST)
     share *= BLOCKED if events.outcome[k] == layout.BLOCKED else 1.0
     return math.floor(GRAIN * HIT * strength * share + 0.5) / GRAIN
 
@@ -97,14 +105,14 @@ def test_health_is_what_a_naive_count_of_strikes_leaves():
             if hurt[victim] >= DOWN or health[victim] <= 0.0:
                 downs[victim], hurt[victim] = downs[victim] + 1, 0.0
             out[victim] = downs[victim] >= MOST or health[victim] <= 0.0
-        np.testing.assert_allclose(one.avatars.conditions[:, layout.HEALTH], health, atol=8 / GRAIN)
-        assert np.array_equal(one.avatars.conditions[:, layout.DOWNS], downs)
+        np.testing.assert_allclose(one.avatars.conditions["health"], health, atol=8 / GRAIN)
+        assert np.array_equal(one.avatars.conditions["downs"], downs)
     assert downs.sum() > 5
 
 
 def test_whoever_is_out_leaves_where_its_policy_has_no_falls():
     one, (record, events) = run(fighters(), 400)
-    out = np.flatnonzero(one.avatars.conditions[:, layout.STANDING] == layout.OUT)
+    out = np.flatnonzero(one.avatars.conditions["standing"] == layout.OUT)
     gone = np.flatnonzero((record["action"] == -1).any(axis=0))
     assert len(gone)
     assert set(gone) <= set(out)
@@ -120,16 +128,16 @@ def test_nobody_fights_those_who_are_down(search):
     deepest = 0
     for _ in range(300):
         one.run(1)
-        whole_rows, conditions = one.avatars.whole, one.avatars.conditions
-        down = conditions[one.avatars.number, layout.STANDING] >= layout.DROPS
-        assert np.array_equal(whole_rows[layout.TEAM] < 0, down)
-        decided = (whole_rows[layout.ACTION_BEFORE] >= 0) & (whole_rows[layout.OPPONENT] >= 0)
+        conditions = one.avatars.conditions
+        down = conditions["standing"][one.avatars.number] >= layout.DROPS
+        assert np.array_equal(one.avatars.team < 0, down)
+        decided = (one.avatars.playback["action_before"] >= 0) & (one.avatars.opponent >= 0)
         # An avatar that has just decided saw which avatars were down a frame before.
-        fought = one.avatars.slot_of[whole_rows[layout.OPPONENT, decided]]
-        since = conditions[one.avatars.number[fought], layout.HURT_FRAME]
-        assert ((whole_rows[layout.TEAM, fought] >= 0) | (since >= one.frame - 1)).all()
-        lies = down & (conditions[one.avatars.number, layout.STANDING] != layout.DROPS)
-        assert (whole_rows[layout.OPPONENT, lies] == -1).all()
+        fought = one.avatars.slot_of[one.avatars.opponent[decided]]
+        since = conditions["hurt_frame"][one.avatars.number[fought]]
+        assert ((one.avatars.team[fought] >= 0) | (since >= one.frame - 1)).all()
+        lies = down & (conditions["standing"][one.avatars.number] != layout.DROPS)
+        assert (one.avatars.opponent[lies] == -1).all()
         deepest = max(deepest, int(down.sum()))
     assert deepest > 2
 
@@ -140,14 +148,14 @@ def test_whoever_is_knocked_down_falls_lies_and_rises_where_the_blow_came_to():
     seen = [[] for _ in range(12)]
     chosen = []
     for _ in range(400):
-        before = one.avatars.conditions[:, layout.STANDING].copy()
+        before = one.avatars.conditions["standing"].copy()
         one.run(1)
         for number in range(12):
             slot, now = one.avatars.slot_of[number], one.avatars.conditions[number]
-            if now[layout.STANDING] == layout.FALLING and before[number] == layout.DROPS:
-                blow = math.atan2(one.avatars.real[layout.HIT_X, slot], one.avatars.real[layout.HIT_Z, slot])
-                chosen.append((math.cos(blow - one.avatars.real[layout.HEADING, slot]), int(now[layout.FALL])))
-            seen[number].append(now[layout.STANDING])
+            if now["standing"] == layout.FALLING and before[number] == layout.DROPS:
+                blow = math.atan2(one.avatars.fight["hit_x"][slot], one.avatars.fight["hit_z"][slot])
+                chosen.append((math.cos(blow - one.avatars.heading[slot]), int(now["fall"])))
+            seen[number].append(now["standing"])
     # The first direction is ahead, the second behind; blows from the side may lead to either, where most room is.
     clear = [(ahead > 0, fall == 0) for ahead, fall in chosen if abs(ahead) > 0.9]
     assert len(clear) > 3
@@ -161,30 +169,31 @@ def test_whoever_is_knocked_down_falls_lies_and_rises_where_the_blow_came_to():
 
 
 def test_a_blow_makes_an_avatar_stagger_where_its_policy_has_staggers():
-    model = falling(build_model(POLICIES), [[0, layout.STUMBLES, 5, 0]], [0.0])
-    one = Simulation(
-        replace(fighters(rules=rules() * np.where(np.arange(12) == layout.DOWN_FROM, 100.0, 1.0)), policies=POLICIES),
-        model=model,
-    )
+    model = falling(build_model(POLICIES), [(0.0, 0, layout.STUMBLES, 5, 0)])
+    given = rules() * np.where(np.arange(12) == column("down_from"), 100.0, 1.0)
+    one = Simulation(replace(fighters(rules=given), policies=POLICIES), model=model)
     stumbled = 0
     for _ in range(200):
-        before = one.avatars.conditions[:, layout.STANDING].copy()
+        before = one.avatars.conditions["standing"].copy()
         one.run(1)
-        now = one.avatars.conditions[:, layout.STANDING]
+        now = one.avatars.conditions["standing"]
         done = (before == layout.STAGGERS) & (now == layout.UP)
-        assert (one.avatars.whole[layout.ACTION, one.avatars.slot_of[done]] == 5).all()
+        assert (one.avatars.motion["action"][one.avatars.slot_of[done]] == 5).all()
         stumbled += int(done.sum())
     assert stumbled > 3
 
 
+PIECES = (layout.STUMBLES, layout.STUMBLES_ON, layout.STUMBLES_ON)
+
+
 def stumbling(**thresholds):
     """A fight of many staggers of three pieces, which are actions 5, 9, and 7, and of falls."""
-    rows = [(0, kind, kind, 0) for kind in (layout.FALLS, layout.LIES, layout.STANDS_UP)]
-    rows += [(0, layout.STUMBLES, 5, 3), (0, layout.STUMBLES_ON, 9, 3), (0, layout.STUMBLES_ON, 7, 3)]
+    rows = [(0.0, 0, kind, kind, 0) for kind in (layout.FALLS, layout.LIES, layout.STANDS_UP)]
+    rows += [(0.0, 0, kind, action, 3) for kind, action in zip(PIECES, (5, 9, 7), strict=True)]
     hurting = rules()
-    for column, value in thresholds.items():
-        hurting[:, getattr(layout, column)] = value
-    model = falling(build_model(POLICIES), rows, [0.0] * len(rows))
+    for name, value in thresholds.items():
+        hurting[:, column(name)] = value
+    model = falling(build_model(POLICIES), rows)
     return Simulation(replace(fighters(rules=hurting), policies=POLICIES), model=model)
 
 
@@ -193,18 +202,18 @@ def actions_in_turn(one, frames=300):
     avatars = one.avatars
     turns = [[] for _ in range(12)]
     for _ in range(frames):
-        decided = avatars.whole[layout.DECISIONS].copy()
+        decided = avatars.fight["decisions"].copy()
         one.run(1)
-        for slot in np.flatnonzero(avatars.whole[layout.DECISIONS] != decided):
+        for slot in np.flatnonzero(avatars.fight["decisions"] != decided):
             number = int(avatars.number[slot])
             row = avatars.conditions[number]
-            turns[number].append((int(avatars.whole[layout.ACTION, slot]), row[layout.STANDING], int(row[layout.FALL])))
+            turns[number].append((int(avatars.motion["action"][slot]), row["standing"], int(row["fall"])))
     return turns
 
 
 def test_a_stagger_goes_on_piece_by_piece():
     follows = set()
-    for turns in actions_in_turn(stumbling(DOWN_FROM=1e4, FULL_HEALTH=1e6, STAGGER_FROM=HIT)):
+    for turns in actions_in_turn(stumbling(down_from=1e4, full_health=1e6, stagger_from=HIT)):
         for (action, _, row), (following, _, _) in itertools.pairwise(turns):
             if (action, row) in ((5, 3), (9, 4)):
                 follows.add((action, following))
@@ -213,7 +222,7 @@ def test_a_stagger_goes_on_piece_by_piece():
 
 def test_who_is_knocked_down_in_a_stagger_falls_at_the_end_of_its_piece():
     after = set()
-    for turns in actions_in_turn(stumbling(STAGGER_FROM=1.0, FULL_HEALTH=1e6, MOST_DOWNS=1e6), 500):
+    for turns in actions_in_turn(stumbling(stagger_from=1.0, full_health=1e6, most_downs=1e6), 500):
         for (action, _, row), (following, standing, _) in itertools.pairwise(turns):
             if (action, row) in ((5, 3), (9, 4)):
                 after.add((action, following, bool(standing == layout.FALLING)))
@@ -256,7 +265,7 @@ def test_a_fight_goes_on_from_its_state(stop, falls):
 @pytest.mark.parametrize("lingers", [0.0, 0.1, 20.0])
 def test_a_run_goes_on_for_a_while_when_its_end_has_come(lingers):
     frail = rules()
-    frail[:, layout.FULL_HEALTH] = 10.0
+    frail[:, column("full_health")] = 10.0
     people = fighters(6, team=np.arange(6) % 2, rules=frail, skip=np.full(6, -1), spacing=0.5, seed=4)
     one = Simulation(replace(people, policies=POLICIES, until=End("down", 2, lingers)))
     record, _ = whole([one.run(3000)])
@@ -269,7 +278,7 @@ def test_a_run_goes_on_for_a_while_when_its_end_has_come(lingers):
 @pytest.mark.parametrize("kind", ["last_standing", "last_team", "down", "landed"])
 def test_a_run_ends_when_its_end_has_come(kind):
     frail = rules()
-    frail[:, layout.FULL_HEALTH] = 10.0
+    frail[:, column("full_health")] = 10.0
     people = fighters(6, team=np.arange(6) % 2, rules=frail, skip=np.full(6, -1), spacing=0.5, seed=4)
     count = {"down": 2, "landed": 10}.get(kind, 0)
     one = Simulation(replace(people, policies=POLICIES, until=End(kind, count)))
@@ -311,13 +320,13 @@ def test_changes_wait_for_blows_and_knock_downs():
 def test_no_more_attack_one_opponent_than_may():
     skip, fixed = np.full(9, -2), np.where(np.arange(9) == 0, -1, 0)
     given = rules(attackers=2)
-    given[:, layout.FULL_HEALTH] = 0.0
+    given[:, column("full_health")] = 0.0
     people = fighters(9, rules=given, skip=skip, fixed=fixed, crowding=Crowding(reach=3.0, most=24))
     one = Simulation(replace(people, policies=POLICIES))
     one.run(30)
     for _ in range(60):
         one.run(1)
-        fights = (one.avatars.conditions[:, layout.DOES] == layout.FIGHTS) & (np.arange(9) > 0)
+        fights = (one.avatars.conditions["does"] == layout.FIGHTS) & (np.arange(9) > 0)
         assert 1 <= fights.sum() <= 4
     assert fights.sum() <= 3
 
@@ -333,4 +342,4 @@ def test_the_exhausted_strike_less():
 
 def test_a_crowd_that_nothing_hurts_has_no_conditions():
     one = Simulation(replace(crowd(), policies=[*POLICIES, policy(1, "q", frames=50, stride=2, name="two")]))
-    assert one.avatars.conditions.shape == (0, layout.CONDITIONS)
+    assert one.avatars.conditions.shape == (0,)

@@ -6,6 +6,7 @@ import naive_crowd
 import naive_defence
 import numpy as np
 import pytest
+from avatar_fields import set_fields
 from synthetic_policy import policy
 
 from crowdsim.core.threats import CELLS, SEEN_CELLS
@@ -71,34 +72,32 @@ def test_defence_is_that_of_the_naive_twin(reaction, team, monkeypatch):
 def threats(one, reaction):
     """What every avatar of a simulation would see coming now from its opponent."""
     model, avatars, present = one.model, one.avatars, one.present
-    avatars.whole[layout.NEXT_OPPONENT] = avatars.whole[layout.OPPONENT]
+    avatars.fight["next_opponent"] = avatars.opponent
     cohorts = one._world.cohorts.copy()
-    cohorts[:, layout.REACTION] = reaction
+    cohorts["reaction"] = reaction
     none = Observed(np.zeros(present, np.int32), np.zeros(present, np.int32), np.zeros((present, 1), np.int32))
     return [see_threat(model, avatars, cohorts, Now(one.frame, 1, present), i, none, i) for i in range(present)]
 
 
 def ages(one):
     """Control frames since every avatar has decided."""
-    return np.ceil(one.avatars.real[layout.PHASE] / one.avatars.real[layout.SPEED]) - 1
+    return np.ceil(one.avatars.motion["phase"] / one.avatars.motion["speed"]) - 1
 
 
 def swap(one, j, action):
     """Let an avatar do another action instead of its own, from where that one began."""
-    whole, real, starts = one.avatars.whole, one.avatars.real, one.model.starts
-    sin, cos, turn = np.sin, np.cos, real[layout.BASE_TURN, j]
-    gx, gz, gh = starts[whole[layout.ACTION, j]]
-    scale, start = real[layout.SCALE, j], turn + gh
-    x = real[layout.BASE_X, j] + scale * (gx * cos(turn) + gz * sin(turn))
-    z = real[layout.BASE_Z, j] + scale * (gz * cos(turn) - gx * sin(turn))
-    gx, gz, gh = starts[action]
+    starts = one.model.starts
+    sin, cos, turn = np.sin, np.cos, one.avatars.playback["base_turn"][j]
+    gx, gz, gh = starts[one.avatars.motion["action"][j]].tolist()
+    scale, start = one.avatars.playback["scale"][j], turn + gh
+    x = one.avatars.playback["base_x"][j] + scale * (gx * cos(turn) + gz * sin(turn))
+    z = one.avatars.playback["base_z"][j] + scale * (gz * cos(turn) - gx * sin(turn))
+    gx, gz, gh = starts[action].tolist()
     turn = start - gh
-    real[layout.BASE_TURN, j], real[layout.BASE_COS, j], real[layout.BASE_SIN, j] = (
-        turn, scale * cos(turn), scale * sin(turn),
-    )  # fmt: skip
-    real[layout.BASE_X, j] = x - scale * (gx * cos(turn) + gz * sin(turn))
-    real[layout.BASE_Z, j] = z - scale * (gz * cos(turn) - gx * sin(turn))
-    whole[layout.ACTION, j] = action
+    set_fields(one.avatars, "base_turn base_cos base_sin", j, (turn, scale * cos(turn), scale * sin(turn)))
+    one.avatars.playback["base_x"][j] = x - scale * (gx * cos(turn) + gz * sin(turn))
+    one.avatars.playback["base_z"][j] = z - scale * (gz * cos(turn) - gx * sin(turn))
+    one.avatars.motion["action"][j] = action
 
 
 def same(threat, other):
@@ -112,24 +111,24 @@ def test_nothing_decided_within_the_reaction_time_is_reacted_to():
     one.run(20)
     for _ in range(40):
         one.run(1)
-        before, whole = threats(one, reaction), one.avatars.whole.copy()
+        before, opponents = threats(one, reaction), one.avatars.opponent.copy()
         fresh = np.flatnonzero(ages(one) < reaction)
         for j in fresh:
             # Had it decided otherwise, by another action from the same state and place, nothing else would be seen.
-            action, offsets = whole[layout.ACTION, j], one.model.offsets
+            action, offsets = one.avatars.motion["action"][j], one.model.offsets
             state = np.searchsorted(offsets, action, side="right") - 1
             for other in range(offsets[state], offsets[state + 1]):
-                if one.model.actions[other, layout.LENGTH] <= one.avatars.real[layout.PHASE, j] or other == action:
+                if one.model.actions["length"][other] <= one.avatars.motion["phase"][j] or other == action:
                     continue
-                real = one.avatars.real.copy()
+                playback = one.avatars.playback.copy()
                 swap(one, j, other)
-                victims = np.flatnonzero(whole[layout.OPPONENT] == one.avatars.number[j])
+                victims = np.flatnonzero(opponents == one.avatars.number[j])
                 now, unhidden = threats(one, reaction), threats(one, 0)
                 compared += len(victims)
                 differed += sum(not same(unhidden[v], before[v]) for v in victims)
                 assert all(same(now[v], before[v]) for v in victims)
-                one.avatars.whole[layout.ACTION, j] = action
-                one.avatars.real[:] = real
+                one.avatars.motion["action"][j] = action
+                one.avatars.playback[:] = playback
     assert compared > 0
     assert differed > 0
 
@@ -147,7 +146,7 @@ def test_what_was_decided_long_enough_ago_is_seen_where_and_when_it_lands():
                 found += 1
         for i, threat in enumerate(threats(one, 1)):
             if threat.cell < SEEN_CELLS:
-                opponent = one.avatars.whole[layout.OPPONENT, i]
+                opponent = one.avatars.opponent[i]
                 assert ages(one)[one.avatars.slot_of[opponent]] >= 1
                 expected.append((one.frame - 1 + threat.frames, opponent, threat.point))
     assert found > 3

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from avatar_fields import fields, set_fields
 from falling import falling_policy
 from test_damage import POLICIES, fighters, with_falls
 from test_room_of_the_lying import seen
@@ -11,8 +12,9 @@ from test_sole_contact import gap, line, posed, soles_at
 
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.fall_clearance import FIRMLY, FREE, PARTS, SIDE_BY_SIDE, STANDS_BY, crowded
-from crowdsim.crowd.kernels.layout import Axis
-from crowdsim.crowd.kernels.lying import FROM_START, axes_apart, axis_after, axis_of, floor_transform, from_axis
+from crowdsim.crowd.kernels.layout import FROM_START, Axis
+from crowdsim.crowd.kernels.lying import axes_apart, axis_after, axis_of, floor_transform, from_axis
+from crowdsim.crowd.kernels.records import LINE
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.motion import ground, quaternion
@@ -38,36 +40,36 @@ def test_room_that_lacks_matches_naive(seed: int) -> None:
     policy, rng = falling_policy(), np.random.default_rng(seed)
     database, model = policy.database, build_model([policy])
     avatars = Simulation(replace(fighters(3, seed=seed), policies=[policy]), model=model).avatars
-    real, (own, lying, standing) = avatars.real, (int(avatars.slot_of[number]) for number in range(3))
-    falls = np.flatnonzero(model.falls[:, layout.FALL_KIND] == layout.FALLS)
+    own, lying, standing = (int(avatars.slot_of[number]) for number in range(3))
+    falls = np.flatnonzero(model.falls["kind"] == layout.FALLS)
     row, fall = (int(one) for one in rng.choice(falls, 2))
-    action = model.falls[row, layout.FALL_ACTION]
-    before = int(model.actions[action, layout.ORIGIN])
+    action = model.falls["action"][row]
+    before = int(model.actions["origin"][action])
     down, its_down = (int(database.falls.downs[one // 3]) * database.stride for one in (row, fall))
-    size, its_size = real[layout.SCALE, own], real[layout.SCALE, lying]
-    stands = real[[layout.X, layout.Z, layout.HEADING], own] + [*SHIFT, 0.0]
+    size, its_size = avatars.playback["scale"][[own, lying]]
+    stands = fields(avatars, "x z heading", own) + np.array([*SHIFT, 0.0])
     way = ground.compose(ground.inverse(database.ground[before]), database.ground[down])
     lies = ground.compose(stands, way * [size, size, 1.0])
     # One lies near by, and another one ends its action there.
-    avatars.conditions[1, [layout.STANDING, layout.FALL]] = layout.LYING, fall
-    avatars.whole[layout.TEAM, lying] = -2
-    avatars.whole[layout.ACTION, lying] = model.falls[fall + 1, layout.FALL_ACTION]
+    avatars.conditions["standing"][1], avatars.conditions["fall"][1] = layout.LYING, fall
+    avatars.team[lying] = -2
+    avatars.motion["action"][lying] = model.falls["action"][fall + 1]
     place = lies[:2] + rng.uniform(-0.8, 0.8, 2) - np.array(floor_transform(model, avatars, lying)[:2])
-    real[[layout.END_X, layout.END_Z], lying] += place
+    set_fields(avatars, "end_x end_z", lying, fields(avatars, "end_x end_z", lying) + place)
     body = np.array(floor_transform(model, avatars, lying))
-    real[[layout.END_X, layout.END_Z], standing] = lies[:2] + rng.uniform(-0.4, 0.4, 2)
-    doing = model.actions[avatars.whole[layout.ACTION, standing]]
-    frame = int(doing[layout.ORIGIN] + doing[layout.LENGTH] * database.stride)
-    there = real[[layout.END_X, layout.END_Z, layout.BASE_TURN], standing] + [0.0, 0.0, database.ground[frame, 2]]
+    set_fields(avatars, "end_x end_z", standing, lies[:2] + rng.uniform(-0.4, 0.4, 2))
+    doing = model.actions[avatars.motion["action"][standing]]
+    frame = int(doing["origin"] + doing["length"] * database.stride)
+    there = fields(avatars, "end_x end_z base_turn", standing) + np.array([0.0, 0.0, database.ground[frame, 2]])
 
     cos, sin = size * np.cos(stands[2]), size * np.sin(stands[2])
     axis = axis_after(model, row, FROM_START, stands[0], stands[1], cos, sin)
     apart = axes_apart(axis, axis_of(model, avatars, lying))
     from_body = body_gap(policy, down, lies, size, its_down, body, its_size)
-    soles = soles_at(database, frame, there, real[layout.SCALE, standing])
+    soles = soles_at(database, frame, there, avatars.playback["scale"][standing])
     from_soles = min(FREE, *(gap(sole, lies, database, down, size) for sole in soles))
     beside = max(SIDE_BY_SIDE - apart, 0.0) ** 2 + FIRMLY * (FREE - from_body) ** 2
-    aside = from_axis(axis, real[layout.END_X, standing], real[layout.END_Z, standing])
+    aside = from_axis(axis, *fields(avatars, "end_x end_z", standing))
     around = 0.5 * max(STANDS_BY - aside, 0.0) ** 2 + FIRMLY * (FREE - from_soles) ** 2
     assert min(from_body, from_soles) < FREE
     for others, expected in (([lying], beside), ([standing], around), ([lying, standing], beside + around)):
@@ -78,24 +80,27 @@ def test_room_that_lacks_matches_naive(seed: int) -> None:
 
 @pytest.mark.parametrize("direction", [0.0, np.pi])
 def test_two_who_fall_at_once_leave_each_other_room(direction: float) -> None:
-    axes = np.zeros((6, 8))
-    axes[:3, 1], axes[3:, 1] = 1.0, -1.0  # the first fall leads a metre ahead, the second as far behind
+    axes = np.zeros((6, 2), LINE)
+    axes["z"][:3, FROM_START], axes["z"][3:, FROM_START] = (
+        1.0,
+        -1.0,
+    )  # the first fall leads a metre ahead, the second as far behind
     model = with_falls()._replace(fall_axes=axes)
     avatars = Simulation(replace(fighters(2), policies=POLICIES), model=model).avatars
-    real, (own, other) = avatars.real, (int(avatars.slot_of[number]) for number in (0, 1))
-    heading = real[layout.HEADING, own]
+    own, other = (int(avatars.slot_of[number]) for number in (0, 1))
+    heading = avatars.heading[own]
     ahead = np.array([np.sin(heading), np.cos(heading)])
-    real[[layout.END_X, layout.END_Z], other] = real[[layout.X, layout.Z], own] + ahead
+    set_fields(avatars, "end_x end_z", other, fields(avatars, "x z", own) + ahead)
     blow = heading + direction
-    real[[layout.HIT_X, layout.HIT_Z], other] = 3.0 * np.sin(blow), 3.0 * np.cos(blow)
-    avatars.conditions[1, layout.STANDING] = layout.DROPS
-    avatars.whole[layout.TEAM, other] = -2
-    size, its_size = real[layout.SCALE, own], real[layout.SCALE, other]
-    end = real[[layout.END_X, layout.END_Z], other]
+    set_fields(avatars, "hit_x hit_z", other, (3.0 * np.sin(blow), 3.0 * np.cos(blow)))
+    avatars.conditions["standing"][1] = layout.DROPS
+    avatars.team[other] = -2
+    size, its_size = avatars.playback["scale"][[own, other]]
+    end = fields(avatars, "end_x end_z", other)
     far = its_size * np.array([np.sin(blow), np.cos(blow)])
     its = Axis(*end, *(end + far))
     for row, way in ((0, 1.0), (3, -1.0)):
-        start = real[[layout.X, layout.Z], own]
+        start = fields(avatars, "x z", own)
         apart = axes_apart(Axis(*start, *(start + way * size * ahead)), its)
         lacks = crowded(model, avatars, own, row, 0.0, 0.0, seen(other), 0)
         assert lacks == pytest.approx(max(SIDE_BY_SIDE - apart, 0.0) ** 2, abs=1e-3)

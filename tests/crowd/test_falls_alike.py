@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from avatar_fields import set_fields
 from falling import falling_policy
 from test_damage import fighters, rules
 
@@ -27,11 +28,11 @@ def fighting(frames: int = 20) -> Simulation:
 def naive_gap(one: Simulation, own: int, row: int) -> float:
     """How unlike the end of an avatar's action and the start of a fall are, from points in the world [m2]."""
     database, model = falling_policy().database, one.model
-    points = np.concatenate([model.bodies, model.arms], axis=1).reshape(len(model.bodies), -1, 3).astype(float)
-    action, entered = one.avatars.whole[layout.ACTION, own], model.falls[row, layout.FALL_ACTION]
+    points = np.concatenate([model.bodies, model.arms], axis=1).astype(float)
+    action, entered = one.avatars.motion["action"][own], model.falls["action"][row]
     stride = database.stride
-    left = model.actions[action, layout.ORIGIN] + model.actions[action, layout.LENGTH] * stride
-    begun = model.actions[entered, layout.ORIGIN]
+    left = model.actions["origin"][action] + model.actions["length"][action] * stride
+    begun = model.actions["origin"][entered]
 
     def moved(before: int, after: int) -> np.ndarray:
         way = ground.to_local(
@@ -46,14 +47,14 @@ def naive_gap(one: Simulation, own: int, row: int) -> float:
 
 def test_avatars_fall_by_the_fall_that_begins_most_like_what_they_do() -> None:
     one, rng = fighting(), np.random.default_rng(1)
-    falls, turns = one.model.falls, one.model.fall_directions
+    falls, turns = one.model.falls, one.model.falls["direction"]
     chosen = set()
     for own in range(one.present):
         for kind in (layout.FALLS, layout.STUMBLES):
             blow = float(rng.uniform(-np.pi, np.pi))
-            heading = one.avatars.real[layout.HEADING, own]
-            one.avatars.real[[layout.HIT_X, layout.HIT_Z], own] = np.sin(blow + heading), np.cos(blow + heading)
-            rows = np.flatnonzero(falls[:, layout.FALL_KIND] == kind)
+            heading = one.avatars.heading[own]
+            set_fields(one.avatars, "hit_x hit_z", own, (np.sin(blow + heading), np.cos(blow + heading)))
+            rows = np.flatnonzero(falls["kind"] == kind)
             aside = np.abs(ground.wrap(turns[rows] - blow))
             rows = rows[aside - aside.min() <= LIKE + 1e-9]
             gaps = [_unlike(one.model, one.avatars, own, row) for row in rows]
@@ -65,7 +66,7 @@ def test_avatars_fall_by_the_fall_that_begins_most_like_what_they_do() -> None:
 
 def test_how_unlike_poses_are_matches_naive() -> None:
     one = fighting()
-    rows = np.flatnonzero(np.isin(one.model.falls[:, layout.FALL_KIND], (layout.FALLS, layout.STUMBLES)))
+    rows = np.flatnonzero(np.isin(one.model.falls["kind"], (layout.FALLS, layout.STUMBLES)))
     for own in range(one.present):
         for row in rows:
             np.testing.assert_allclose(_unlike(one.model, one.avatars, own, row), naive_gap(one, own, row), rtol=1e-6)

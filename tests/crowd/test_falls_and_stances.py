@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_damage import falling, fighters, rules
+from test_damage import column, falling, fighters, rules
 from test_stances import BOTH, ORTHODOX, SOUTHPAW
 
 from crowdsim.crowd.kernels import layout
@@ -19,29 +19,28 @@ def chosen_actions(kind, actions, directions, stances):
     """Which of some staggers, or of some falls whose rises are these actions, avatars show in each stance."""
     model = build_model([BOTH], with_stances=True)
     if kind == layout.STUMBLES:
-        rows = [(0, kind, action, k) for k, action in enumerate(actions)]
+        rows = [(turn, 0, kind, action, k) for k, (turn, action) in enumerate(zip(directions, actions, strict=True))]
     else:
         rows = [
-            (0, part, action if part == layout.STANDS_UP else 3 * k + part, 3 * k)
-            for k, action in enumerate(actions)
+            (turn, 0, part, action if part == layout.STANDS_UP else 3 * k + part, 3 * k)
+            for k, (turn, action) in enumerate(zip(directions, actions, strict=True))
             for part in (layout.FALLS, layout.LIES, layout.STANDS_UP)
         ]
-    turns = np.repeat(np.asarray(directions, float), len(rows) // len(actions))
-    model = falling(model, rows, turns)
+    model = falling(model, rows)
     hurting = rules()
     if kind == layout.STUMBLES:
-        hurting[:, layout.DOWN_FROM] = 1000.0
-    hurting[:, layout.FULL_HEALTH] = 1e6
-    hurting[:, layout.MOST_DOWNS] = 1e6
+        hurting[:, column("down_from")] = 1000.0
+    hurting[:, column("full_health")] = 1e6
+    hurting[:, column("most_downs")] = 1e6
     one = Simulation(replace(fighters(rules=hurting, stances=stances, interval=0.0), policies=[BOTH]), model=model)
     found = {int(stance): set() for stance in np.unique(stances)}
     begun = layout.STAGGERS if kind == layout.STUMBLES else layout.LYING
     for _ in range(300):
-        before = one.avatars.conditions[:, layout.STANDING].copy()
+        before = one.avatars.conditions["standing"].copy()
         one.run(1)
-        now = one.avatars.conditions[:, layout.STANDING]
+        now = one.avatars.conditions["standing"]
         for number in np.flatnonzero((before == begun) & (now != begun)):
-            action = int(one.avatars.whole[layout.ACTION, one.avatars.slot_of[number]])
+            action = int(one.avatars.motion["action"][one.avatars.slot_of[number]])
             if action in actions:
                 found[int(stances[number])].add(action)
     return found

@@ -7,7 +7,6 @@ import pytest
 from falling import falling_policy
 
 from crowdsim.crowd.crowd import build_crowd
-from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.model import build_model, entry_actions
 from crowdsim.crowd.simulate import simulate
 from crowdsim.policy.actions import leading_actions
@@ -33,40 +32,38 @@ def test_rows_of_falls_name_actions_of_the_run(count: int) -> None:
     policies = [falling_policy()] * count
     model, falls = build_model(policies), falling_policy().falls
     assert falls is not None
-    assert model.falls.shape == (count * len(falls.actions), 4)
-    assert len(model.fall_directions) == len(model.falls)
+    assert model.falls.shape == (count * len(falls.actions),)
     for policy in range(count):
-        rows = np.flatnonzero(model.falls[:, 0] == policy)
-        first = model.policies[policy, layout.ACTIONS]
-        np.testing.assert_array_equal(model.falls[rows, 2] - first, falls.actions)
+        rows = np.flatnonzero(model.falls["policy"] == policy)
+        first = model.policies["actions"][policy]
+        np.testing.assert_array_equal(model.falls["action"][rows] - first, falls.actions)
         for row in rows:
-            _, kind, action, fall = model.falls[row]
-            assert model.falls[fall, 1] == (3 if kind >= 3 else 0)
-            assert model.fall_directions[row] == model.fall_directions[fall]
-            assert model.falls[fall, 2] == action - (row - fall)
+            direction, _, kind, action, fall = model.falls[row].tolist()
+            assert model.falls["kind"][fall] == (3 if kind >= 3 else 0)
+            assert direction == model.falls["direction"][fall]
+            assert model.falls["action"][fall] == action - (row - fall)
             assert row - fall == kind if kind <= 2 else (row > fall) == (kind == 4)
-            states = model.policies[policy : policy + 2, layout.STATES]
-            assert states[0] <= model.actions[action, layout.NEXT] < states[1]
+            states = model.policies["states"][policy : policy + 2]
+            assert states[0] <= model.actions["next"][action] < states[1]
 
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_no_state_that_an_action_leads_to_has_falls(count: int) -> None:
     model = build_model([falling_policy()] * count)
-    assert model.offsets[-1] == len(model.actions) - 1 == model.policies[-1, layout.ACTIONS]
-    assert len(model.offsets) - 1 == len(model.twins) == len(model.reaches) == model.policies[-1, layout.STATES]
-    reached = np.unique(model.actions[:-1, layout.NEXT])
+    assert model.offsets[-1] == len(model.actions) - 1 == model.policies["actions"][-1]
+    assert len(model.offsets) - 1 == len(model.twins) == len(model.reaches) == model.policies["states"][-1]
+    reached = np.unique(model.actions["next"][:-1])
     chosen = np.concatenate([np.arange(model.offsets[state], model.offsets[state + 1]) for state in reached])
-    assert not np.isin(model.falls[:, 2], chosen).any()
+    assert not np.isin(model.falls["action"], chosen).any()
     entries = entry_actions(model)
-    assert not np.isin(model.falls[:, 2], entries).any()
+    assert not np.isin(model.falls["action"], entries).any()
     assert (entries[reached] >= 0).all()
 
 
 def test_a_model_without_falls_has_no_rows() -> None:
     model = build_model([without_falls()])
-    assert model.falls.shape == (0, 4)
-    assert model.falls.dtype == np.int32
-    assert model.fall_directions.shape == (0,)
+    assert model.falls.shape == (0,)
+    assert model.fall_axes.shape == (0, 2)
 
 
 @pytest.mark.parametrize("count", [1, 2])

@@ -10,7 +10,6 @@ from test_simulation import bytes_of, crowd, whole
 from test_tempo import EAGER
 
 from crowdsim.crowd.crowd import Crowding, build_crowd
-from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.simulate import simulate
 from crowdsim.crowd.simulation import Simulation
 
@@ -70,6 +69,6 @@ def test_a_simulation_with_girths_goes_on_from_its_state_and_refuses_those_of_ot
     state = first.state()
     second.restore(state)
     assert bytes_of([begun, second.run(47)]) == expected
-    state["avatars.real"][layout.WIDTH, 3] *= 1.1
-    with pytest.raises(ValueError, match="holds other avatars than those of the run"):
+    state["avatars.motion.width"][3] *= 1.1
+    with pytest.raises(ValueError, match=r"array 'avatars\.motion\.width' is not that of the run"):
         Simulation(replace(people, policies=POLICIES)).restore(state)

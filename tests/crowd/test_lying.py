@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from avatar_fields import fields, set_fields
 from falling import falling_policy
 from test_damage import POLICIES, fighters, with_falls
 
@@ -12,6 +13,7 @@ from crowdsim.crowd.kernels.fall_clearance import SLIDES, crowded
 from crowdsim.crowd.kernels.falling import _unfit
 from crowdsim.crowd.kernels.layout import Axis, Observed
 from crowdsim.crowd.kernels.lying import axes_apart, axis_of, from_axis
+from crowdsim.crowd.kernels.records import LINE
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.motion import ground
@@ -44,11 +46,11 @@ def test_bodies_lie_where_the_motion_has_their_heads_and_feet() -> None:
     roles, stride = database.body.roles, database.stride
     spans = database.falls
     for number, (start, down) in enumerate(zip(spans.starts, spans.downs, strict=True)):
-        row = int(np.flatnonzero(model.falls[:, layout.FALL_ACTION] == falls.fall[number])[0])
+        row = int(np.flatnonzero(model.falls["action"] == falls.fall[number])[0])
         posed = positions[down * stride]
         feet = 0.5 * (posed[roles["left_foot"]] + posed[roles["right_foot"]])
-        for column, frame in ((0, start), (4, down)):
-            head_and_feet = model.fall_axes[row, column : column + 4].reshape(2, 2)
+        for seen_from, frame in ((layout.FROM_START, start), (layout.FROM_END, down)):
+            head_and_feet = np.array(model.fall_axes[row, seen_from].tolist()).reshape(2, 2)
             seen = ground.to_local(database.ground[frame * stride], np.stack([posed[roles["head"]], feet]))
             assert np.linalg.norm(head_and_feet[0] - seen[0, [0, 2]]) < 0.15
             np.testing.assert_allclose(head_and_feet[1], seen[1, [0, 2]], atol=1e-4)
@@ -65,27 +67,25 @@ def placed_beside(model, direction: float) -> tuple[Simulation, int]:
     """Two avatars, of which the second lies beside the first, in a direction from it."""
     one = Simulation(replace(fighters(2), policies=POLICIES), model=model)
     first, second = (int(one.avatars.slot_of[number]) for number in (0, 1))
-    real = one.avatars.real
-    turn = real[layout.HEADING, first] + direction
-    for row, value in ((layout.END_X, np.sin(turn)), (layout.END_Z, np.cos(turn))):
-        start = real[layout.X if row == layout.END_X else layout.Z, first]
-        real[row, second] = start + value
-    one.avatars.conditions[1, [layout.STANDING, layout.FALL]] = layout.LYING, 0
-    one.avatars.whole[layout.TEAM, second] = -2
+    turn = one.avatars.heading[first] + direction
+    ends = fields(one.avatars, "x z", first) + np.array([np.sin(turn), np.cos(turn)])
+    set_fields(one.avatars, "end_x end_z", second, ends)
+    one.avatars.conditions["standing"][1], one.avatars.conditions["fall"][1] = layout.LYING, 0
+    one.avatars.team[second] = -2
     return one, first
 
 
 @pytest.mark.parametrize("direction", [0.0, np.pi])
 def test_a_fall_is_less_fit_where_another_lies(direction: float) -> None:
-    axes = np.zeros((6, 8))
+    axes = np.zeros((6, 2), LINE)
     # The first fall leads ahead, the second behind, a metre each.
-    axes[:3, 1], axes[3:, 1] = 1.0, -1.0
+    axes["z"][:3, layout.FROM_START], axes["z"][3:, layout.FROM_START] = 1.0, -1.0
     model = with_falls()._replace(fall_axes=axes)
     one, own = placed_beside(model, direction)
     slot = int(one.avatars.slot_of[1])
     axis = axis_of(model, one.avatars, slot)
-    one.avatars.real[layout.END_X, slot] += one.avatars.real[layout.END_X, slot] - axis.x
-    one.avatars.real[layout.END_Z, slot] += one.avatars.real[layout.END_Z, slot] - axis.z
+    one.avatars.motion["end_x"][slot] += one.avatars.motion["end_x"][slot] - axis.x
+    one.avatars.motion["end_z"][slot] += one.avatars.motion["end_z"][slot] - axis.z
     observed = Observed(np.array([slot], np.int32), np.array([1], np.int32), np.array([[slot]], np.int32))
     ahead, behind = (_unfit(model, one.avatars, own, row, 0.5 * np.pi, 0.5 * np.pi, observed, 0) for row in (0, 3))
     assert (ahead > behind) == (direction == 0.0)

@@ -22,7 +22,7 @@ PRICE = 1000.0  # in normalised values
 @kernel(inline=True)
 def keep_peace(model, avatars, world, now, own, observed, q, scratch):
     """Lower the values of actions by ``PRICE`` for each of their strikes."""
-    if avatars.whole[NUMBER, own] % 2 == 0:
+    if avatars.number[own] % 2 == 0:
         weigh_by_strikes(model, avatars, own, -PRICE, scratch.values[q])
 '''
 

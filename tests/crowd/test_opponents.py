@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from synthetic_policy import policy
 
+from crowdsim.crowd.arrays import BY_SLOT, Avatars
 from crowdsim.crowd.crowd import build_avatars, build_crowd
-from crowdsim.crowd.kernels.layout import HIT_BY, HIT_FRAME, OPPONENT, Now, Observed
+from crowdsim.crowd.kernels.layout import Now, Observed
 from crowdsim.crowd.kernels.opponents import AVERTED, BEHIND, REMEMBERED, change_opponent, observe_all
+from crowdsim.crowd.kernels.records import COHORT
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import build_index, store_in_order
 from crowdsim.crowd.workers import Workers
@@ -64,7 +66,7 @@ def test_a_tree_that_is_only_refitted_finds_what_a_new_one_finds():
         avatars.x[slots] += moves[0]
         avatars.z[slots] += moves[1]
         who, around = observed(old, avatars, 900)
-        new = avatars._replace(whole=avatars.whole.copy(), real=avatars.real.copy(), slot_of=avatars.slot_of.copy())
+        new = Avatars(*(values.copy() for values in avatars))
         again, near = observed(build_index("kd_tree", Workers(1)), new, 900)
         assert np.array_equal(who, again)
         assert around == near
@@ -82,16 +84,17 @@ def chosen(old, headings, positions, opponents=(), hit=(-1, 0.0), hysteresis=0.3
     """Whom avatar 0 fights next, as the kernel says and as the naive twin says; the frame is 100."""
     people = build_crowd(*np.array(positions).T, heading=headings, hysteresis=hysteresis)
     avatars = build_avatars(people, MODEL)
-    avatars.whole[OPPONENT, : len(opponents)] = opponents
-    avatars.whole[OPPONENT, 0] = old
-    avatars.whole[HIT_BY, 0], avatars.real[HIT_FRAME, 0] = hit
+    avatars.opponent[: len(opponents)] = opponents
+    avatars.opponent[0] = old
+    avatars.fight["hit_by"][0], avatars.fight["hit_frame"][0] = hit
     found, near = Observed(*(np.empty(shape, np.int32) for shape in (1, 1, (1, 12)))), np.empty(people.count)
     observe_all(avatars, people.count, np.zeros(1, np.int32), 1, sight, found, near, np.empty(people.count, np.int64))
-    cohorts = np.array([[0.1, 4.0, 0.0, hysteresis, 0.0]])
+    cohorts = np.zeros(1, COHORT)
+    cohorts["hysteresis"] = hysteresis
     opponent = change_opponent(avatars, cohorts, Now(100, 1, people.count), 0, found, 0)
     twins = [naive_crowd.Avatar(i, people, [POLICY]) for i in range(people.count)]
     for i, twin in enumerate(twins):
-        twin.opponent = int(avatars.whole[OPPONENT, i])
+        twin.opponent = int(avatars.opponent[i])
     twins[0].hit_by, twins[0].hit_frame = hit
     crowd = replace(people, crowding=replace(people.crowding, reach=sight))
     return opponent, naive_crowd.decide(twins[0], twins, crowd, np.zeros((2, 0, 3)), 100, {})[0]
@@ -142,12 +145,12 @@ def test_opponents_are_those_of_the_naive_twin():
 
 def test_storing_in_another_order_moves_all_that_an_avatar_is():
     avatars = avatars_of(100, np.arange(100) % 3)
-    before = {int(n): (avatars.whole[:, i].copy(), avatars.real[:, i].copy()) for i, n in enumerate(avatars.number)}
+    moving = [getattr(avatars, name) for name in BY_SLOT]
+    before = {int(n): [values[i].copy() for values in moving] for i, n in enumerate(avatars.number)}
     store_in_order(avatars, np.random.default_rng(0).permutation(100))
-    for number, (whole, real) in before.items():
+    for number, expected in before.items():
         slot = avatars.slot_of[number]
-        assert np.array_equal(avatars.whole[:, slot], whole)
-        assert np.array_equal(avatars.real[:, slot], real)
+        assert [values[slot] for values in moving] == expected
 
 
 def test_storage_is_sorted_again_when_avatars_have_moved_far_and_not_before():

@@ -6,13 +6,13 @@ from dataclasses import replace
 import naive_strikes
 import numpy as np
 import pytest
+from avatar_fields import set_fields
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_policy import policy
 
 from crowdsim.crowd.crowd import build_avatars, build_crowd
 from crowdsim.crowd.events import OUTCOMES
-from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.layout import BLOCKED, EVADED, LANDED, MISSED, Now
 from crowdsim.crowd.kernels.outcomes import Strike, judge
 from crowdsim.crowd.model import build_model
@@ -37,35 +37,33 @@ def pair(glove=AWAY, elbow=AWAY, seen=HEAD, head=HEAD, place=(0.0, 0.0, 0.0), ta
 
     ``place`` is the attacker's ground frame, all else is seen from the victim's. Returns the outcome.
     """
-    trunk = np.concatenate([head, head - [0, 0.15, 0], [0, 0.95, 0]])
+    trunk = np.stack([head, head - [0, 0.15, 0], [0, 0.95, 0]])
     model = build_model([POLICY])
     frames = len(model.ground)
-    bodies = np.tile(trunk, (frames, 1))
-    bodies[1] = np.concatenate([seen, seen - [0, 0.15, 0], [0, 0.95, 0]])  # what the attacker saw
-    way = [0.0, 1.6, REACH - 0.6, 0.0, 1.6, REACH - 0.4]
+    bodies = np.tile(trunk, (frames, 1, 1))
+    bodies[1] = np.stack([seen, seen - [0, 0.15, 0], [0, 0.95, 0]])  # what the attacker saw
+    way = [[0.0, 1.6, REACH - 0.6], [0.0, 1.6, REACH - 0.4]]
     model = model._replace(
         ground=np.zeros_like(model.ground),
         starts=np.zeros_like(model.starts),
         bodies=bodies.astype(np.float32),
-        arms=np.tile(np.concatenate([elbow, AWAY, glove, AWAY]), (frames, 1)).astype(np.float32),
-        ways=np.tile(np.array(way, np.float32), (len(model.ways), 1)),
+        arms=np.tile(np.stack([elbow, AWAY, glove, AWAY]), (frames, 1, 1)).astype(np.float32),
+        ways=np.tile(np.array(way, np.float32), (len(model.ways), 1, 1)),
     )
     x, z, turn = place
     avatars = build_avatars(build_crowd(np.zeros(2), np.zeros(2)), model)
     victim = x + REACH * math.sin(turn), z + REACH * math.cos(turn), turn + math.pi
     for i, (px, pz, heading) in enumerate((place, victim)):
-        rows = {"BASE_X": px, "BASE_Z": pz, "BASE_COS": math.cos(heading), "BASE_SIN": math.sin(heading),
-                "BASE_TURN": heading, "X": px, "Z": pz, "HEADING": heading}  # fmt: skip
-        for name, value in rows.items():
-            avatars.real[getattr(layout, name), i] = value
-    avatars.whole[layout.ACTION_BEFORE] = -1
-    avatars.seen[0] = np.tile([*victim, 1.0], 2)
+        set_fields(avatars, "x z heading base_x base_z base_turn", i, (px, pz, heading) * 2)
+        set_fields(avatars, "base_cos base_sin", i, (math.cos(heading), math.sin(heading)))
+    avatars.playback["action_before"] = -1
+    avatars.seen[0] = (*victim, 1.0)
     opponent, targets = 1, np.zeros((2, 0, 3))
     if target is not None:
         opponent, targets = -2, np.tile(target, (2, 1, 1))
-        avatars.seen[0] = np.tile([seen[0], seen[2], seen[1], 0.0], 2)
+        avatars.seen[0] = (seen[0], seen[2], seen[1], 0.0)
     end = x + (REACH - 0.05) * math.sin(turn), 1.6, z + (REACH - 0.05) * math.cos(turn)
-    thrown = Strike(0, int(avatars.whole[layout.ACTION, 0]), opponent, end, (end[0], end[2]), 1.0, False)
+    thrown = Strike(0, int(avatars.motion["action"][0]), opponent, end, (end[0], end[2]), 1.0, False)
     outcome, point = judge(model, avatars, targets, Now(1, 1, 2), 0, thrown)
     if outcome == BLOCKED:
         assert_on_arm(np.array(point), glove, elbow, victim)
@@ -135,8 +133,8 @@ def test_elbows_and_fists_are_where_the_motion_has_them():
         for number, side in enumerate(("left", "right")):
             elbow = naive_strikes.limb_at(POLICY, frame, f"{side}_elbow", np.zeros(3))
             expected = ground.to_local(database.ground[frame], elbow)
-            np.testing.assert_allclose(rows[frame, 3 * number : 3 * number + 3], expected, atol=1e-5)
-            np.testing.assert_array_equal(rows[frame, 6 + 3 * number : 9 + 3 * number], database.fists[frame, number])
+            np.testing.assert_allclose(rows[frame, number], expected, atol=1e-5)
+            np.testing.assert_array_equal(rows[frame, 2 + number], database.fists[frame, number])
 
 
 def test_ways_begin_no_earlier_than_their_clip():
@@ -146,7 +144,7 @@ def test_ways_begin_no_earlier_than_their_clip():
     strikes[:] = first + 1
     early = replace(early, database=replace(early.database, strike_frames=strikes))
     starts = np.zeros((early.actions.action_count, 3))
-    ways = way_rows([early], [starts]).reshape(-1, 2, 3)
+    ways = way_rows([early], [starts])
     limbs = early.database.strike_limbs[early.actions.strike_ids]
     for limb, (role, offset) in enumerate(zip(LIMBS, offsets_of(early.database.body), strict=True)):
         expected = naive_strikes.limb_at(early, first, role, offset)

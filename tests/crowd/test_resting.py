@@ -48,23 +48,23 @@ def kinds(action):
 def test_rows_of_rests_are_those_of_each_policy(count):
     policies, rests = [resting_policy(), restless_policy()][:count] * 2, resting_policy().rests
     model = build_model(policies)
-    assert model.ways_to_rest.shape == (len(model.offsets) - 1, 3)
+    assert model.ways_to_rest.shape == (len(model.offsets) - 1,)
     assert len(model.rests) == 2 * (len(rests.hold) + len(rests.walks.hold))
     for number, policy in enumerate(policies):
-        first, state = model.policies[number, [layout.ACTIONS, layout.STATES]]
-        own = model.ways_to_rest[state : model.policies[number + 1, layout.STATES]]
+        first, state = model.policies["actions"][number], model.policies["states"][number]
+        own = model.ways_to_rest[state : model.policies["states"][number + 1]]
         if policy.rests is None:
-            assert (own[:, 0] == -1).all()
-            assert (own[:, 2] == NO_WAY).all()
+            assert (own["enter"] == -1).all()
+            assert (own["until"] == NO_WAY).all()
             continue
-        np.testing.assert_array_equal(own[rests.state, 0], first + rests.enter)
-        for entry, row in own[rests.state, :2]:
+        np.testing.assert_array_equal(own["enter"][rests.state], first + rests.enter)
+        for entry, row, _ in own[rests.state].tolist():
             assert entry - first in rests.enter
-            assert model.rests[row, 0] - first in rests.hold
-            assert model.rests[row, 1] - first in rests.leave
-            assert model.rests[model.rests[row, 2], 0] - first in rests.hold
+            assert model.rests["hold"][row] - first in rests.hold
+            assert model.rests["leave"][row] - first in rests.leave
+            assert model.rests["hold"][model.rests["follows"][row]] - first in rests.hold
     entries = entry_actions(model)
-    apart = np.concatenate([model.rests[:, :2].ravel(), model.ways_to_rest[:, 0]])
+    apart = np.concatenate([model.rests["hold"], model.rests["leave"], model.ways_to_rest["enter"]])
     assert not np.isin(entries[entries >= 0], apart).any()
 
 
@@ -111,12 +111,12 @@ def test_an_avatar_that_turns_round_to_rest_sees_its_opponent_no_nearer_than_in_
     crowd = build_crowd([0.0, apart], [0.0, 0.0], [-np.pi / 2, 0.0], conditioned=True, rules=0.0 * RULES)
     one = Simulation(replace(crowd, policies=[resting_policy()]))
     row = one.avatars.conditions[0]
-    row[layout.MODE], row[layout.DOES], row[layout.KEEPS] = layout.RESTS, layout.WATCHES, 2.0
+    row["mode"], row["does"], row["keeps"] = layout.RESTS, layout.WATCHES, 2.0
     own = one.avatars.slot_of[0]
     target = layout.Target(apart, 1.6, 0.0, 0.0, 0.0, 1.0)
     observed = layout.Observed(np.zeros(2, np.int32), np.zeros(2, np.int32), np.zeros((2, 1), np.int32))
     seen = see_by_intent(one.model, one.avatars, one._world, one._now, own, np.int32(1), target, observed, 0)
-    assert row[layout.DOES_NEXT] == layout.WATCHES
+    assert row["does_next"] == layout.WATCHES
     assert seen.x == pytest.approx(max(FIGHTING, apart - 2.0 + FIGHTING))
 
 
@@ -150,21 +150,21 @@ def test_an_avatar_waits_in_its_guard_for_one_that_will_get_up_again():
     one.run(20)
     row, slot = one.avatars.conditions[1], one.avatars.slot_of[1]
     for rises, kind in ((1e6, 0), (math.inf, HOLD)):
-        row[layout.STANDING], row[layout.RISES] = layout.LYING, rises
-        row[layout.FALL] = 0.0
-        one.avatars.whole[layout.TEAM, slot] = -2
+        row["standing"], row["rises"] = layout.LYING, rises
+        row["fall"] = 0.0
+        one.avatars.team[slot] = -2
         assert kinds(one.run(150).action[-1, 0]) == kind
 
 
 def test_a_knock_down_ends_a_rest():
     one = Simulation(replace(people(rules=RULES), policies=[resting_policy()], **modes(2, (0, layout.RESTS))))
     one.run(240)
-    assert (one.avatars.conditions[:, layout.PIECE] > 0.0).all()
-    one.avatars.conditions[0, layout.STANDING] = layout.DROPS
-    one.avatars.whole[layout.TEAM, one.avatars.slot_of[0]] = -2
+    assert (one.avatars.conditions["piece"] > 0.0).all()
+    one.avatars.conditions["standing"][0] = layout.DROPS
+    one.avatars.team[one.avatars.slot_of[0]] = -2
     action = one.run(30).action[-1, 0]
     assert action in resting_policy().falls.actions
-    assert one.avatars.conditions[0, layout.PIECE] == 0.0
+    assert one.avatars.conditions["piece"][0] == 0.0
 
 
 def bytes_of(chunk):
@@ -194,8 +194,7 @@ def test_rests_have_the_same_bytes_for_any_threads_and_after_a_resume():
 def test_a_piece_that_no_rest_has_is_refused():
     one = Simulation(replace(people(), policies=[resting_policy()]))
     state = one.state()
-    state["avatars.conditions"] = state["avatars.conditions"].copy()
-    state["avatars.conditions"][0, layout.PIECE] = len(one.model.rests) + 1.0
+    state["avatars.conditions.piece"][0] = len(one.model.rests) + 1.0
     with pytest.raises(ValueError, match="piece"):
         one.restore(state)
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from avatar_fields import fields, set_fields
 from falling import falling_policy
 from test_damage import POLICIES, falling, fighters, with_falls
 from test_lying import placed_beside
@@ -14,6 +15,7 @@ from crowdsim.crowd.kernels.fall_clearance import SLIDES, crowded, slide
 from crowdsim.crowd.kernels.falling import _unfit
 from crowdsim.crowd.kernels.layout import Observed
 from crowdsim.crowd.kernels.lying import axis_of, floor_transform
+from crowdsim.crowd.kernels.records import CAPSULE, NEIGHBOUR, records
 from crowdsim.crowd.kernels.sole_contact import treads_on
 from crowdsim.crowd.kernels.terms import collision_avoidance
 from crowdsim.crowd.model import build_model
@@ -40,33 +42,28 @@ def naive_cost(point: np.ndarray, axis: np.ndarray, cost: float) -> float:
 @pytest.mark.parametrize("seed", range(4))
 def test_what_it_costs_to_tread_on_a_body_matches_naive(seed: int) -> None:
     rng, model = np.random.default_rng(seed), with_falls()
-    capsules = rng.uniform(-0.5, 0.5, (len(model.falls), 2, 8))
-    capsules[..., 6:] = 0.1, 1.0  # radius, and a sphere around it that holds any of these
+    capsules = records(rng.uniform(-0.5, 0.5, (2 * len(model.falls), 8)), CAPSULE).reshape(-1, 2)
+    capsules["radius"], capsules["bound"] = 0.1, 1.0  # radius, and a sphere around it that holds any of these
     model = model._replace(fall_capsules=capsules)
     avatars = Simulation(replace(fighters(3, seed=seed), policies=POLICIES), model=model).avatars
-    own, size = 1, avatars.real[layout.SCALE, 1]
-    near, work = np.zeros((1, 10)), np.zeros((7, 64))
-    near[0] = [
-        *rng.uniform(-0.5, 0.5, 2),
-        *rng.uniform(-1.0, 1.0, 2),
-        0.75,
-        collision_avoidance.ON_FLOOR,
-        3.0,
-        1.0,
-        2.0,
-        2.0,
-    ]
-    axis = np.array([near[0, :2], near[0, :2] + near[0, 2:4]])
-    collision_avoidance._find_ends(model, avatars, own, work)
+    own, size = 1, avatars.playback["scale"][1]
+    near, work = np.zeros(1, NEIGHBOUR), np.zeros((7, 64))
+    head, way = rng.uniform(-0.5, 0.5, 2), rng.uniform(-1.0, 1.0, 2)
+    near["x"], near["z"], near["way_x"], near["way_z"] = *head, *way
+    near["room"], near["end_cost"], near["path_cost"], near["step_cost"], near["slot"] = 0.75, 3.0, 1.0, 2.0, 2.0
+    near["frames"] = collision_avoidance.ON_FLOOR
+    axis = np.array([head, head + way])
+    lanes = collision_avoidance._find_ends(model, avatars, own, work).lanes
+    ends = collision_avoidance.Ends(*work[:6], lanes)  # views of it that Python is handed are the whole of it
     before = rng.uniform(0.0, 2.0, 64)
     work[3] = before
-    collision_avoidance._add_lying(model, avatars, own, near, 0, work)
-    state, heading = model.actions[avatars.whole[layout.ACTION, own], layout.NEXT], avatars.real[layout.HEADING, own]
+    collision_avoidance._add_lying(model, avatars, own, near, 0, ends)
+    state, heading = model.actions["next"][avatars.motion["action"][own]], avatars.heading[own]
     actions = range(model.offsets[state], model.offsets[state + 1])
     costs = []
     for k, action in enumerate(actions):
         move = model.moves[action]
-        end = turned(*(move[:2] * size), heading)
+        end = turned(move["x"] * size, move["z"] * size, heading)
         cost = max(naive_cost(end, axis, 3.0), naive_cost(0.5 * end, axis, 1.0))
         cost += 2.0 * treads_on(model, avatars, own, action, 2)
         costs.append(max(cost, before[k]))
@@ -78,9 +75,9 @@ def test_what_it_costs_to_tread_on_a_body_matches_naive(seed: int) -> None:
 def test_nobody_staggers_onto_a_body(direction: float) -> None:
     model = with_falls()
     moves = model.moves.copy()
-    moves[ACTION, [layout.MOVE_X, layout.MOVE_Z]] = 0.0, 0.7
-    rows, directions = [*model.falls, (0, layout.STUMBLES, ACTION, 0)], [*model.fall_directions, 0.0]
-    model = falling(model._replace(moves=moves), rows, directions)
+    moves["x"][ACTION], moves["z"][ACTION] = 0.0, 0.7
+    rows = [*model.falls.tolist(), (0.0, 0, layout.STUMBLES, ACTION, 0)]
+    model = falling(model._replace(moves=moves), rows)
     one, own = placed_beside(model, direction)
     row = len(model.falls) - 1
     unfit = _unfit(model, one.avatars, own, row, 0.0, 0.0, seen(int(one.avatars.slot_of[1])), 0)
@@ -92,14 +89,15 @@ def test_nobody_staggers_onto_a_body(direction: float) -> None:
 def test_a_body_slides_away_from_one_that_lies_where_it_falls(direction: float) -> None:
     model = with_falls()
     one, own = placed_beside(model, direction)
-    real, other = one.avatars.real, int(one.avatars.slot_of[1])
+    other = int(one.avatars.slot_of[1])
     slide(model, one.avatars, own, 0, seen(), 0)
-    assert not real[[layout.SLIDE_X, layout.SLIDE_Z], own].any()
+    assert not fields(one.avatars, "slide_x slide_z", own).any()
     axis = axis_of(model, one.avatars, other)
-    away = np.array([real[layout.X, own] - axis.x, real[layout.Z, own] - axis.z])
-    real[[layout.END_X, layout.END_Z], other] += (1.0 - 0.5 / np.linalg.norm(away)) * away
+    away = np.array([one.avatars.x[own] - axis.x, one.avatars.z[own] - axis.z])
+    end = fields(one.avatars, "end_x end_z", other)
+    set_fields(one.avatars, "end_x end_z", other, end + (1.0 - 0.5 / np.linalg.norm(away)) * away)
     slide(model, one.avatars, own, 0, seen(other), 0)
-    moved = real[[layout.SLIDE_X, layout.SLIDE_Z], own]
+    moved = fields(one.avatars, "slide_x slide_z", own)
     assert np.linalg.norm(moved) == pytest.approx(SLIDES)
     assert moved @ away > 0.9 * SLIDES * np.linalg.norm(away)
     room = [crowded(model, one.avatars, own, 0, *way, seen(other), 0) for way in ((0.0, 0.0), moved)]
@@ -110,15 +108,15 @@ def test_a_body_slides_smoothly_over_the_action_in_which_it_falls() -> None:
     one, other = (Simulation(replace(fighters(4), policies=POLICIES), model=with_falls()) for _ in range(2))
     for simulation in (one, other):
         simulation.run(1)
-    slot, action = 2, int(one.avatars.whole[layout.ACTION, 2])
-    one.avatars.real[[layout.SLIDE_X, layout.SLIDE_Z], slot] = 0.3, -0.1
+    slot, action = 2, int(one.avatars.motion["action"][2])
+    set_fields(one.avatars, "slide_x slide_z", slot, (0.3, -0.1))
     rise = np.polynomial.Polynomial([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
-    begun, length = one.avatars.real[layout.PHASE, slot], one.model.actions[action, layout.LENGTH]
-    while one.avatars.real[layout.PHASE, slot] + one.avatars.real[layout.SPEED, slot] < length:
+    begun, length = one.avatars.motion["phase"][slot], one.model.actions["length"][action]
+    while one.avatars.motion["phase"][slot] + one.avatars.motion["speed"][slot] < length:
         one.run(1)
         other.run(1)
-        share = rise(one.avatars.real[layout.PHASE, slot] / length) - rise(begun / length)
-        moved = np.subtract(*(each.avatars.real[[layout.X, layout.Z], slot] for each in (one, other)))
+        share = rise(one.avatars.motion["phase"][slot] / length) - rise(begun / length)
+        moved = np.subtract(*(fields(each.avatars, "x z", slot) for each in (one, other)))
         np.testing.assert_allclose(moved, share * np.array([0.3, -0.1]), atol=1e-12)
     assert share > 0.5
 
@@ -130,19 +128,19 @@ def test_a_body_that_slides_is_seen_where_it_will_lie() -> None:
     place, slid = {}, 0.0
     for _ in range(400):
         one.run(1)
-        standing = avatars.conditions[number, layout.STANDING]
+        standing = avatars.conditions["standing"][number]
         down = np.flatnonzero((standing == layout.FALLING) | (standing == layout.LYING))
         before, place = place, {int(slot): floor_transform(one.model, avatars, slot)[:2] for slot in down}
         for slot in place.keys() & before.keys():
             assert place[slot] == pytest.approx(before[slot], abs=2e-3)
-            slid = max(slid, np.linalg.norm(avatars.real[[layout.SLIDE_X, layout.SLIDE_Z], slot]))
+            slid = max(slid, np.linalg.norm(fields(avatars, "slide_x slide_z", slot)))
     assert slid > 0.1
 
 
 def test_who_left_while_it_slid_does_not_slide_when_it_enters_again() -> None:
     crowd, model = fighters(3), with_falls()
     avatars = Simulation(replace(crowd, policies=POLICIES), model=model).avatars
-    avatars.real[[layout.SLIDE_X, layout.SLIDE_Z]] = 0.3
+    set_fields(avatars, "slide_x slide_z", slice(None), 0.3)
     enter(avatars, crowd, model, np.array([1]))
-    assert avatars.real[[layout.SLIDE_X, layout.SLIDE_Z], 1].tolist() == [0.0, 0.0]
-    assert (avatars.real[layout.SLIDE_X, [0, 2]] == 0.3).all()
+    assert fields(avatars, "slide_x slide_z", 1).tolist() == [0.0, 0.0]
+    assert (avatars.slides["x"][[0, 2]] == 0.3).all()

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import naive_crowd
 import numpy as np
 import pytest
+from avatar_fields import set_situations
 from naive_policy import action_values
 from synthetic_policy import policy, with_headings
 
@@ -13,7 +14,7 @@ from crowdsim.crowd.buffers import empty_record, empty_scratch
 from crowdsim.crowd.crowd import Crowding, build_crowd
 from crowdsim.crowd.draw import draw_crowd
 from crowdsim.crowd.events import VARIABLES
-from crowdsim.crowd.kernels.layout import DECISIONS, LANDED, STATES
+from crowdsim.crowd.kernels.layout import LANDED
 from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.crowd.model import build_model, farthest
 from crowdsim.crowd.script import Change, CirclePath, LinePath
@@ -137,8 +138,9 @@ def test_actions_are_worth_what_the_policy_says(lookup, precisions):
     for index, chosen in enumerate((one, two)):
         states = rng.integers(chosen.actions.state_count, size=60)
         targets, weights = rng.uniform([-3, 1.0, -3], [3, 1.9, 3], (60, 3)), rng.uniform(0, 2, (60, 2))
-        scratch.situations[:, :3], scratch.cohorts[:], scratch.policies[:] = targets, np.arange(60), index
-        scratch.states[:] = states + model.policies[index, STATES]
+        set_situations(scratch, targets)
+        scratch.cohorts[:], scratch.policies[:] = np.arange(60), index
+        scratch.states[:] = states + model.policies["states"][index]
         scratch.values[:] = np.nan
         value_actions(model, weights, scratch, 0, 60)
         for k in range(60):
@@ -168,7 +170,7 @@ def test_terms_of_proximity_add_up_whatever_they_share(terms):
     scratch = empty_scratch(model, 1, 30)
     states, targets = rng.integers(chosen.actions.state_count, size=30), rng.uniform([-3, 1, -3], [3, 1.9, 3], (30, 3))
     scratch.order[:], scratch.cohorts[:], scratch.policies[:], scratch.states[:] = np.arange(30), 0, 0, states
-    scratch.situations[:, :3] = targets
+    set_situations(scratch, targets)
     value_actions(model, np.ones((1, 2)), scratch, 0, 30)
     for k in range(30):
         expected = action_values(chosen, {each.name: 1.0 for each in chosen.behaviours}, states[k], targets[k])
@@ -189,7 +191,7 @@ def test_a_target_beyond_all_grids_is_seen_where_they_end():
     at_end = end * np.stack([np.sin(bearings), np.zeros(20), np.cos(bearings)], axis=-1) + [0.0, 1.5, 0.0]
     states = rng.integers(chosen.actions.state_count, size=20)
     scratch.order[:], scratch.cohorts[:], scratch.policies[:], scratch.states[:] = np.arange(20), 0, 0, states
-    scratch.situations[:, :3] = (at_end - [0.0, 1.5, 0.0]) * rng.uniform(1.1, 9.0, (20, 1)) + [0.0, 1.5, 0.0]
+    set_situations(scratch, (at_end - [0.0, 1.5, 0.0]) * rng.uniform(1.1, 9.0, (20, 1)) + [0.0, 1.5, 0.0])
     value_actions(model, np.ones((1, 2)), scratch, 0, 20)
     for k in range(20):
         expected = action_values(chosen, {b.name: 1.0 for b in behaviours}, states[k], at_end[k])
@@ -211,7 +213,7 @@ def test_a_behaviour_counts_less_beyond_its_bearings(lookup):
     bearings = np.linspace(-3, 3, 40)
     targets = np.stack([np.sin(bearings), np.full(40, 1.5), np.cos(bearings)], axis=-1)
     scratch.order[:], scratch.cohorts[:], scratch.policies[:], scratch.states[:] = np.arange(40), 0, 0, 2
-    scratch.situations[:, :3] = targets
+    set_situations(scratch, targets)
     value_actions(model, np.ones((1, 2)), scratch, 0, 40)
     assert np.all(scratch.values[0, :2] == 0.0), "nothing counts behind"
     for k in range(40):
@@ -326,7 +328,7 @@ def test_speed_makes_decisions_come_so_much_sooner():
     slow, fast = (Simulation(replace(crowd(30, speed=speed, policy=0), policies=POLICIES)) for speed in (0.5, 1.0))
     slow.run(400)
     fast.run(200)
-    decisions = [one.avatars.whole[DECISIONS].mean() for one in (slow, fast)]
+    decisions = [one.avatars.fight["decisions"].mean() for one in (slow, fast)]
     np.testing.assert_allclose(decisions[0], decisions[1], rtol=0.05)
 
 
@@ -473,7 +475,6 @@ def test_some_rows_of_a_record_are_of_the_same_kind_as_all():
     from numba import typeof
 
     record = empty_record(5, 3)
-    assert record.whole.shape == (2, 5, 3)
-    assert record.real.shape == (4, 5, 3)
+    assert {values.shape for values in record} == {(5, 3)}
     for rows in (record.rows(0, 5), record.rows(0, 1), record.rows(2, 4), empty_record(1, 3).rows(0, 1)):
         assert typeof(rows) == typeof(record)

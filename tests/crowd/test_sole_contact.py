@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from avatar_fields import fields, set_fields
 from falling import falling_policy
 from test_damage import fighters, with_falls
 from test_lying import placed_beside
@@ -13,6 +14,7 @@ from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.layout import Target
 from crowdsim.crowd.kernels.lying import axis_of, floor_transform
 from crowdsim.crowd.kernels.obstacle_steering import AROUND, BEYOND, go_around
+from crowdsim.crowd.kernels.records import LINE
 from crowdsim.crowd.kernels.sole_contact import BESIDE, CLEAR, NEARER, STEPS_ON, treads_on
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
@@ -62,22 +64,22 @@ def test_what_an_action_treads_on_matches_naive(seed):
     one = Simulation(replace(fighters(2, seed=seed), policies=[policy]), model=model)
     avatars, rng = one.avatars, np.random.default_rng(seed)
     own, other = (int(avatars.slot_of[number]) for number in (0, 1))
-    fall = int(np.flatnonzero(model.falls[:, layout.FALL_KIND] == layout.FALLS)[seed])
-    avatars.conditions[1, [layout.STANDING, layout.FALL]] = layout.LYING, fall
-    avatars.whole[layout.ACTION, other] = model.falls[fall + 1, layout.FALL_ACTION]
-    size, its_size = avatars.real[layout.SCALE, own], avatars.real[layout.SCALE, other]
+    fall = int(np.flatnonzero(model.falls["kind"] == layout.FALLS)[seed])
+    avatars.conditions["standing"][1], avatars.conditions["fall"][1] = layout.LYING, fall
+    avatars.motion["action"][other] = model.falls["action"][fall + 1]
+    size, its_size = avatars.playback["scale"][own], avatars.playback["scale"][other]
     down = int(database.falls.downs[fall // 3]) * database.stride
-    stands = avatars.real[[layout.X, layout.Z, layout.HEADING], own]
+    stands = fields(avatars, "x z heading", own)
     where = stands[:2] + rng.uniform(-0.5, 0.5, 2) - np.array(floor_transform(model, avatars, other)[:2])
-    avatars.real[[layout.END_X, layout.END_Z], other] += where
+    set_fields(avatars, "end_x end_z", other, fields(avatars, "end_x end_z", other) + (where))
     body = np.array(floor_transform(model, avatars, other))
-    state = model.actions[avatars.whole[layout.ACTION, own], layout.NEXT]
+    state = model.actions["next"][avatars.motion["action"][own]]
     counts = []
     for action in range(model.offsets[state], model.offsets[state + 1]):
-        origin, length = model.actions[action, [layout.ORIGIN, layout.LENGTH]]
-        path = model.actions[action, layout.PATHS]
+        origin, length = model.actions["origin"][action], model.actions["length"][action]
+        path = model.actions["paths"][action]
         ways = [np.zeros(3)]
-        for x, z, cos, sin in model.paths[:4, path : path + length].T:
+        for x, z, cos, sin in np.transpose([rows[path : path + length] for rows in model.paths[:4]]):
             ways.append(np.array([x * size, z * size, np.arctan2(sin, cos)]))
         gaps = []
         for t, way in enumerate(ways):
@@ -92,7 +94,7 @@ def test_what_an_action_treads_on_matches_naive(seed):
         assert counted == pytest.approx(round(counted), abs=0.1)
         counts.append(found)
     assert max(counts) > 0.5
-    avatars.conditions[1, layout.STANDING] = layout.RISING
+    avatars.conditions["standing"][1] = layout.RISING
     assert treads_on(model, avatars, own, action, other) == 0.0
 
 
@@ -100,24 +102,27 @@ def body_ahead(shift=0.0):
     """An avatar, and one that lies across its way a metre ahead, moved to the side by ``shift`` [m]."""
     model = with_falls()
     one, own = placed_beside(model, 0.0)
-    axes = np.zeros((len(model.falls), 8))
-    other, real = int(one.avatars.slot_of[1]), one.avatars.real
+    axes = np.zeros((len(model.falls), 2), LINE)
+    other = int(one.avatars.slot_of[1])
     turn = floor_transform(model, one.avatars, other)[2]
-    aside = real[layout.HEADING, own] + 0.5 * np.pi - turn
-    axes[:, 4:6] = shift * np.array([np.sin(aside), np.cos(aside)]) - 0.8 * np.array([np.sin(aside), np.cos(aside)])
-    axes[:, 6:8] = shift * np.array([np.sin(aside), np.cos(aside)]) + 0.8 * np.array([np.sin(aside), np.cos(aside)])
+    aside = one.avatars.heading[own] + 0.5 * np.pi - turn
+    for names, far in ((("x", "z"), shift - 0.8), (("to_x", "to_z"), shift + 0.8)):
+        for name, value in zip(names, (np.sin(aside), np.cos(aside)), strict=True):
+            axes[name][:, layout.FROM_END] = far * value
     model = model._replace(fall_axes=axes)
     axis = np.array(axis_of(model, one.avatars, other)).reshape(2, 2)
-    heading = real[layout.HEADING, own]
-    ahead = real[[layout.X, layout.Z], own] + [np.sin(heading), np.cos(heading)]
+    heading = one.avatars.heading[own]
+    ahead = fields(one.avatars, "x z", own) + np.array([np.sin(heading), np.cos(heading)])
     middle = ahead + shift * np.array([np.cos(heading), -np.sin(heading)])
-    real[[layout.END_X, layout.END_Z], other] += middle - axis.mean(axis=0)
+    set_fields(
+        one.avatars, "end_x end_z", other, fields(one.avatars, "end_x end_z", other) + (middle - axis.mean(axis=0))
+    )
     return model, one.avatars, own, other
 
 
 def detour(model, avatars, own, *others, far=3.0):
     """Where an avatar sees a target that is straight ahead: to its left, and ahead [m]."""
-    x, z, heading = avatars.real[[layout.X, layout.Z, layout.HEADING], own]
+    x, z, heading = fields(avatars, "x z heading", own)
     target = Target(x + far * np.sin(heading), 1.6, z + far * np.cos(heading), 0.1, 0.2, 5.0)
     found = go_around(model, avatars, own, target, seen(*others), 0)
     assert (found.y, found.vx, found.vz, found.lasts) == (1.6, 0.1, 0.2, 5.0)
@@ -127,7 +132,7 @@ def detour(model, avatars, own, *others, far=3.0):
 @pytest.mark.parametrize("shift", [-0.6, -0.2, 0.2, 0.6])
 def test_ways_lead_around_the_nearer_end_of_a_body(shift):
     model, avatars, own, other = body_ahead(shift)
-    size = avatars.real[layout.SCALE, other]
+    size = avatars.playback["scale"][other]
     seen_at = detour(model, avatars, own, other)
     axis = np.array(axis_of(model, avatars, other)).reshape(2, 2)
     half = 0.5 * np.linalg.norm(axis[1] - axis[0])
@@ -140,12 +145,12 @@ def test_targets_are_seen_where_they_are_if_no_body_is_in_between():
     straight = [0.0, 3.0]
     np.testing.assert_allclose(detour(model, avatars, own), straight, atol=1e-9)
     np.testing.assert_allclose(detour(model, avatars, own, other, far=0.9), [0.0, 0.9], atol=1e-9)
-    size = avatars.real[layout.SCALE, other]
+    size = avatars.playback["scale"][other]
     for shift, crosses in ((0.75 * size + BEYOND * size, True), (0.85 * size + BEYOND * size, False)):
         model, avatars, own, other = body_ahead(shift)
         assert np.allclose(detour(model, avatars, own, other), straight) != crosses
-    avatars.whole[layout.TEAM, other] = 1
+    avatars.team[other] = 1
     model, avatars, own, other = body_ahead()
-    avatars.whole[layout.TEAM, other] = 1
-    avatars.conditions[1, layout.STANDING] = layout.UP
+    avatars.team[other] = 1
+    avatars.conditions["standing"][1] = layout.UP
     np.testing.assert_allclose(detour(model, avatars, own, other), straight, atol=1e-9)

@@ -12,7 +12,7 @@ from test_tempo import EAGER
 from crowdsim.crowd import simulation
 from crowdsim.crowd.crowd import Crowding, build_crowd
 from crowdsim.crowd.draw import draw_crowd
-from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.records import RULE
 from crowdsim.crowd.simulate import simulate
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.stances import MOST_ACTIONS, draw_stances, leading_feet, stance_actions
@@ -20,7 +20,7 @@ from crowdsim.motion import quaternion
 from crowdsim.policy.bundle import load_policy
 from crowdsim.scenario.scenario import load_scenario
 
-NOTHING = np.zeros((1, layout.RULES))
+NOTHING = np.zeros((1, len(RULE)))
 ANY, ORTHODOX, SOUTHPAW = range(3)
 
 
@@ -95,7 +95,7 @@ def test_avatars_begin_in_their_stance_and_return_to_it():
     record, _ = whole(simulate(replace(people, policies=[BOTH]), 200))
     leads = leading_feet(BOTH.database)[BOTH.graph.state_frames]
     ends = leads[BOTH.actions.next[record["action"]]]
-    first = leads[BOTH.actions.next[Simulation(replace(people, policies=[BOTH])).avatars.whole[layout.ACTION]]]
+    first = leads[BOTH.actions.next[Simulation(replace(people, policies=[BOTH])).avatars.motion["action"]]]
     for stance, sign in ((ORTHODOX, 1), (SOUTHPAW, -1)):
         own = stances == stance
         assert (first[own] * sign >= 0).all()
@@ -123,8 +123,8 @@ def test_stances_depend_on_neither_threads_nor_storage_nor_calls(monkeypatch):
 def test_a_state_with_other_stances_is_refused():
     people = crowd(interval=15.0, **of(drawn(12)))
     state = Simulation(replace(people, policies=POLICIES)).state()
-    state["avatars.conditions"][3, layout.STANCE] = (state["avatars.conditions"][3, layout.STANCE] + 1) % 3
-    with pytest.raises(ValueError, match="holds other temperaments or stances than those of the run"):
+    state["avatars.conditions.stance"][3] = (state["avatars.conditions.stance"][3] + 1) % 3
+    with pytest.raises(ValueError, match=r"array 'avatars\.conditions\.stance' is not that of the run"):
         Simulation(replace(people, policies=POLICIES)).restore(state)
 
 

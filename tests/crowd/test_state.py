@@ -76,7 +76,7 @@ def test_everything_that_changes_is_in_the_state(search: str) -> None:
     before = {path: repr(value) for path, value in parts(simulation)}
     simulation.run(FRAMES)
     changed = {path for path, value in parts(simulation) if before.get(path) != repr(value)}
-    assert {"avatars.whole", "avatars.real", "frame", "_agenda.progress.landed"} <= changed
+    assert {"avatars.motion", "avatars.fight", "avatars.x", "frame", "_agenda.progress.landed"} <= changed
     forgotten = {path for path in changed if not path.startswith((*STATE, *SCRATCH))}
     assert not forgotten, "saved neither in crowd/state.py nor known as scratch space"
 

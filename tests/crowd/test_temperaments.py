@@ -11,13 +11,13 @@ from test_tempo import EAGER
 
 from crowdsim.crowd import simulation
 from crowdsim.crowd.crowd import Crowding, build_crowd
-from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.records import RULE
 from crowdsim.crowd.simulate import simulate
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.policy.bundle import load_policy
 
 POLICIES = [policy(0, "v", name="one"), policy(1, "q", frames=50, stride=2, name="two")]
-NOTHING = np.zeros((1, layout.RULES))
+NOTHING = np.zeros((1, len(RULE)))
 SLOWNESS, DOUBLINGS, RANGE = range(3)
 
 
@@ -79,9 +79,10 @@ def test_temperaments_depend_on_neither_threads_nor_storage_nor_calls(monkeypatc
 def test_a_state_with_other_temperaments_is_refused():
     people = crowd(interval=15.0, **of(12))
     state = Simulation(replace(people, policies=POLICIES)).state()
-    np.testing.assert_array_equal(state["avatars.conditions"][:, layout.TEMPO : layout.RANGE + 1], people.temperaments)
-    state["avatars.conditions"][3, layout.RANGE] += 0.1
-    with pytest.raises(ValueError, match="holds other temperaments or stances than those of the run"):
+    drawn = [state[f"avatars.conditions.{name}"] for name in ("tempo", "aggression", "range")]
+    np.testing.assert_array_equal(np.transpose(drawn), people.temperaments)
+    state["avatars.conditions.range"][3] += 0.1
+    with pytest.raises(ValueError, match=r"array 'avatars\.conditions\.range' is not that of the run"):
         Simulation(replace(people, policies=POLICIES)).restore(state)
 
 

@@ -9,7 +9,6 @@ from synthetic_policy import policy
 
 from crowdsim.crowd.crowd import Crowding, build_crowd
 from crowdsim.crowd.kernels.choose import BURSTS
-from crowdsim.crowd.kernels.layout import RESTED
 from crowdsim.crowd.model_stillness import calm_rows
 from crowdsim.crowd.simulate import simulate
 from crowdsim.crowd.simulation import Simulation
@@ -117,7 +116,7 @@ def test_an_avatar_that_rests_is_still_while_its_opponent_is_near_and_ahead(apar
 
     def chosen(policy):
         simulation = Simulation(replace(people, policies=[policy]))
-        simulation.avatars.real[RESTED] = 100.0
+        simulation.avatars.fight["rested"] = 100.0
         return simulation.run(1).action[0, ::2]
 
     share = calm_rows(PAUSING)

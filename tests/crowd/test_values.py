@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from avatar_fields import set_situations
 from naive_policy import action_values
 from synthetic_policy import policy, with_headings
 
@@ -81,7 +82,7 @@ def compare(chosen, seed=0, count=60):
     headings = rng.uniform(-np.pi, np.pi, count)
     scratch.order[:], scratch.cohorts[:], scratch.policies[:] = rng.permutation(count), np.arange(count), 0
     scratch.states[:] = states
-    scratch.situations[:] = np.column_stack([targets, moving, lasts, headings])
+    set_situations(scratch, np.column_stack([targets, moving, lasts, headings]))
     scratch.values[:] = np.nan
     value_actions(model, weights, scratch, 0, count)
     found = []

@@ -2,13 +2,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from avatar_fields import fields, set_fields
 from synthetic_policy import policy
 
-from crowdsim.crowd.arrays import Strikes
 from crowdsim.crowd.crowd import Crowding, build_avatars, build_crowd
-from crowdsim.crowd.kernels.layout import END_X, END_Z, HIT_BY, HIT_FRAME, HIT_X, HIT_Z, X, Z
+from crowdsim.crowd.kernels.layout import LANDED, MISSED
+from crowdsim.crowd.kernels.records import STRIKE
+from crowdsim.crowd.kernels.resolve import note_hits
 from crowdsim.crowd.kernels.shown_motion import LATEST
-from crowdsim.crowd.kernels.strikes import note_hits
 from crowdsim.crowd.kernels.terms.collision_avoidance import STAGGER
 from crowdsim.crowd.model import build_model, strong_speed
 from crowdsim.crowd.simulate import simulate
@@ -80,13 +81,13 @@ def test_of_several_hits_in_a_frame_the_strongest_counts(order):
     model = build_model(POLICIES)
     avatars = build_avatars(people, model)
     strong = strong_speed(POLICIES[0])
-    whole = np.array([[1, 0, 0, 1], [2, 0, 1, 1], [3, 0, 1, 0]], np.int32)
-    real = np.zeros((3, 5))
-    real[:, 4] = 0.8 * strong, 1.2 * strong, 9.0 * strong  # the last one does not land
-    note_hits(model, avatars, 7, Strikes(whole[list(order)], real[list(order)]), 0, 3)
-    assert avatars.whole[HIT_BY].tolist() == [2, -1, -1, -1]
-    assert avatars.real[HIT_FRAME, 0] == 7
-    np.testing.assert_allclose(avatars.real[[HIT_X, HIT_Z], 0], [0.0, -1.2], atol=1e-12)
+    strikes = np.zeros(3, STRIKE)
+    strikes["attacker"], strikes["limb"], strikes["outcome"] = (1, 2, 3), (0, 1, 1), (LANDED, LANDED, MISSED)
+    strikes["speed"] = 0.8 * strong, 1.2 * strong, 9.0 * strong
+    note_hits(model, avatars, 7, strikes[list(order)], 0, 3)
+    assert avatars.fight["hit_by"].tolist() == [2, -1, -1, -1]
+    assert avatars.fight["hit_frame"][0] == 7
+    np.testing.assert_allclose(fields(avatars, "hit_x hit_z", 0), [0.0, -1.2], atol=1e-12)
 
 
 def test_a_strong_hit_costs_a_step():
@@ -97,9 +98,9 @@ def test_a_strong_hit_costs_a_step():
     def moved(strength, frame):
         simulation = Simulation(replace(people, policies=POLICIES))
         avatars = simulation.avatars
-        avatars.real[[HIT_X, HIT_Z, HIT_FRAME]] = [[strength * 0.6], [strength * 0.8], [frame]]
+        set_fields(avatars, "hit_x hit_z hit_frame", slice(None), [[strength * 0.6], [strength * 0.8], [frame]])
         simulation.run(1)
-        ways = avatars.real[[END_X, END_Z]] - avatars.real[[X, Z]]
+        ways = fields(avatars, "end_x end_z") - fields(avatars, "x z")
         return 0.6 * ways[0] + 0.8 * ways[1]
 
     assert np.mean(moved(1.1, -1) - moved(0.9, -1)) > 0.02

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from avatar_fields import fields
 from naive_walking import clear_of, distance, lines_of, naive_is_free, way_of
 from resting import resting_policy
 
@@ -61,18 +62,17 @@ def test_a_walk_is_taken_part_by_part_to_where_others_see_it_halt():
         action = int(one.run(1).action[0, 0])
         if np.isin(action, walks().take) and not taken:
             number = int(np.flatnonzero(walks().take == action)[0])
-            halt = one.avatars.real[[layout.HALT_X, layout.HALT_Z], 0]
+            halt = fields(one.avatars, "halt_x halt_z", 0)
         if taken or np.isin(action, walks().take):
             taken += [action] if taken[-1:] != [action] else []
-            real = one.avatars.real[:, 0]
-            np.testing.assert_allclose(real[[layout.HALT_X, layout.HALT_Z]], halt, atol=0.02)
+            np.testing.assert_allclose(fields(one.avatars, "halt_x halt_z", 0), halt, atol=0.02)
     parts, at = [int(walks().take[number])], int(walks().row[number])
     while at >= len(rests.hold):
         at = int(walks().next[at - len(rests.hold)])
         parts.append(int(rests.hold[at] if at < len(rests.hold) else walks().hold[at - len(rests.hold)]))
     assert len(parts) > 3
     assert taken == parts
-    np.testing.assert_allclose(one.avatars.real[[layout.END_X, layout.END_Z], 0], halt, atol=0.02)
+    np.testing.assert_allclose(fields(one.avatars, "end_x end_z", 0), halt, atol=0.02)
 
 
 def test_those_that_are_told_to_rest_do_not_walk_off():
@@ -96,11 +96,11 @@ def test_nobody_walks_off_while_an_opponent_may_get_up_again(rises, goes):
     fighters = build_crowd([0.0, 6.0], [0.0, 0.0], conditioned=True, rules=0.0 * RULES, seed=4)
     one = Simulation(replace(fighters, policies=[resting_policy()]))
     down = one.avatars.conditions[1]
-    down[layout.STANDING], down[layout.RISES], down[layout.FALL] = layout.LYING, math.inf, 0.0
-    one.avatars.whole[layout.TEAM, one.avatars.slot_of[1]] = -2
-    while not one.avatars.conditions[0, layout.PIECE]:
+    down["standing"], down["rises"], down["fall"] = layout.LYING, math.inf, 0.0
+    one.avatars.team[one.avatars.slot_of[1]] = -2
+    while not one.avatars.conditions["piece"][0]:
         one.run(1)
-    down[layout.RISES] = rises
+    down["rises"] = rises
     assert (len(beginnings(one.run(40 * SECONDS).action)) > 0) == goes
 
 
@@ -120,24 +120,23 @@ def test_walks_keep_clear_of_those_that_stand_walk_and_lie():
     one = Simulation(replace(friends(x.ravel(), z.ravel()), policies=[resting_policy()]))
     for number in (3, 11, 17):
         down = one.avatars.conditions[number]
-        down[layout.STANDING], down[layout.RISES], down[layout.FALL] = layout.LYING, math.inf, 0.0
-        one.avatars.whole[layout.TEAM, one.avatars.slot_of[number]] = -2
+        down["standing"], down["rises"], down["fall"] = layout.LYING, math.inf, 0.0
+        one.avatars.team[one.avatars.slot_of[number]] = -2
     went, last = 0, np.full(25, -1)
     for _ in range(40 * SECONDS):
-        before = one.avatars.real.copy()
+        before = fields(one.avatars, "x z heading scale")
         (actions,) = one.run(1).action
         for number in np.flatnonzero(np.isin(actions, walks().take) & (actions != last)):
             own = one.avatars.slot_of[number]
-            (walk,) = np.flatnonzero(one.model.walks[:, layout.TAKES] == actions[number])
+            (walk,) = np.flatnonzero(one.model.walks["action"] == actions[number])
             others = [lines_of(one, slot) for slot in range(one.present) if slot != own]
-            way, start = way_of(one, own, walk, before[:, own]), before[[layout.X, layout.Z], own]
+            way, start = way_of(one, own, walk, before[:, own]), before[:2, own]
             for lines in others:
                 clear = CLEAR if len(lines) > 1 else clear_of(lines[0], start)
                 assert min(distance(p, *line) for p in way for line in lines) > clear - 0.1
             went += 1
         last = actions
-        real = one.avatars.real
-        apart = np.hypot(real[layout.X] - real[layout.X][:, None], real[layout.Z] - real[layout.Z][:, None])
+        apart = np.hypot(one.avatars.x - one.avatars.x[:, None], one.avatars.z - one.avatars.z[:, None])
         assert apart[~np.eye(25, dtype=bool)].min() > 0.5
     assert went > 5
 
@@ -145,16 +144,15 @@ def test_walks_keep_clear_of_those_that_stand_walk_and_lie():
 def test_walks_lead_away_from_a_body_at_an_avatars_feet():
     one = Simulation(replace(friends([0.0, 3.0], [0.0, 0.0]), policies=[resting_policy()]))
     down = one.avatars.conditions[1]
-    down[layout.STANDING], down[layout.RISES], down[layout.FALL] = layout.LYING, math.inf, 0.0
+    down["standing"], down["rises"], down["fall"] = layout.LYING, math.inf, 0.0
     own, other = one.avatars.slot_of
-    one.avatars.whole[layout.TEAM, other] = -2
+    one.avatars.team[other] = -2
     (body,) = lines_of(one, other)
-    real = one.avatars.real
     free = 0
     for angle in np.linspace(0.0, 2.0 * math.pi, 24):
-        real[layout.X, own] = 0.5 * (body[0][0] + body[1][0]) + 0.2 * math.cos(angle)
-        real[layout.Z, own] = 0.5 * (body[0][1] + body[1][1]) + 0.2 * math.sin(angle)
-        start = distance(real[[layout.X, layout.Z], own], *body)
+        one.avatars.x[own] = 0.5 * (body[0][0] + body[1][0]) + 0.2 * math.cos(angle)
+        one.avatars.z[own] = 0.5 * (body[0][1] + body[1][1]) + 0.2 * math.sin(angle)
+        start = distance(fields(one.avatars, "x z", own), *body)
         for walk in range(len(one.model.walks)):
             if is_free(one.model, one.avatars, one._world, one._now, own, walk):
                 free += 1
@@ -172,21 +170,20 @@ def test_free_ways_match_naive(arena):
         )
     )
     lying = one.avatars.conditions[4]
-    lying[layout.STANDING], lying[layout.RISES], lying[layout.FALL] = layout.LYING, math.inf, 0.0
-    one.avatars.whole[layout.TEAM, one.avatars.slot_of[4]] = -2
+    lying["standing"], lying["rises"], lying["fall"] = layout.LYING, math.inf, 0.0
+    one.avatars.team[one.avatars.slot_of[4]] = -2
     found = []
     for _ in range(30):
         one.run(13)
         # As if all avatars came to the end of their actions in this frame.
-        real = one.avatars.real
-        phases = real[layout.PHASE].copy()
-        real[layout.PHASE] = one.model.actions[one.avatars.whole[layout.ACTION], layout.LENGTH]
+        phases = one.avatars.motion["phase"].copy()
+        one.avatars.motion["phase"][:] = one.model.actions["length"][one.avatars.motion["action"]]
         for own in range(9):
             for walk in range(0, len(one.model.walks), 5):
                 free = bool(is_free(one.model, one.avatars, one._world, one._now, own, walk))
                 assert free == naive_is_free(one, own, walk)
                 found.append(free)
-        real[layout.PHASE] = phases
+        one.avatars.motion["phase"][:] = phases
     assert 0.05 < np.mean(found) < 0.95
 
 
@@ -237,4 +234,4 @@ def test_no_avatar_enters_a_run_by_a_walk():
     model = build_model([resting_policy()] * 2)
     entries = entry_actions(model)
     assert len(model.walks) == 2 * len(walks().take)
-    assert not np.isin(entries, model.walks[:, layout.TAKES]).any()
+    assert not np.isin(entries, model.walks["action"]).any()

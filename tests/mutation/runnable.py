@@ -239,9 +239,9 @@ class Base:
         rng = np.random.default_rng(seed)
         state, names = dict(self.state), sorted(self.state)
         for _ in range(int(rng.integers(1, 4))):
-            # Most of what could lead out of bounds is in these two.
-            name = ("avatars.whole", "avatars.real")[int(rng.integers(2))]
-            name = name if rng.random() < 0.6 else names[int(rng.integers(len(names)))]
+            # Most of what could lead out of bounds is of avatars.
+            some = [name for name in names if name.startswith("avatars.")] if rng.random() < 0.6 else names
+            name = some[int(rng.integers(len(some)))]
             state[name] = mutate_array(rng, state[name])
         return state
 

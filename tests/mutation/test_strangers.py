@@ -16,7 +16,6 @@ from numcodecs.zstd import Zstd
 from on_disk import sign
 from scenes import crowdsim
 
-from crowdsim.crowd.kernels import layout
 from crowdsim.errors import TakeError
 from crowdsim.policy import checks
 from crowdsim.policy.behind_checks import BEHIND, relations_behind
@@ -395,23 +394,11 @@ def test_a_manifest_without_what_a_command_needs_is_refused(place: Path, capsys)
 
 
 CHECKPOINTS: dict[str, tuple[str, Change, str]] = {
-    "an action": ("simulation.avatars.whole", set_entry((layout.ACTION, 0), 10**6), "action' holds 1000000, which is"),
-    "an opponent": (
-        "simulation.avatars.whole",
-        set_entry((layout.OPPONENT, 0), 4),
-        "opponent' holds 4, which is out of",
-    ),
-    "a policy": (
-        "simulation.avatars.whole",
-        set_entry((layout.POLICY, 0), 1),
-        "holds other avatars than those of the r",
-    ),
-    "a position": ("simulation.avatars.real", set_entry((layout.X, 0), np.nan), "holds nan, which is out of range"),
-    "a phase": (
-        "simulation.avatars.real",
-        set_entry((layout.PHASE, 0), 1e6),
-        "phase' holds 1000000.0, which is out of",
-    ),
+    "an action": ("simulation.avatars.motion.action", set_entry(0, 10**6), "action' holds 1000000, which is"),
+    "an opponent": ("simulation.avatars.opponent", set_entry(0, 4), "opponent' holds 4, which is out of"),
+    "a policy": ("simulation.avatars.policy", set_entry(0, 1), "array 'avatars.policy' is not that of the run"),
+    "a position": ("simulation.avatars.x", set_entry(0, np.nan), "holds nan, which is out of range"),
+    "a phase": ("simulation.avatars.motion.phase", set_entry(0, 1e6), "phase' holds 1000000.0, which is out of"),
     "who is fresh": ("simulation.fresh", lambda _: np.array([9], np.int32), "'fresh' holds 9, which is out of range"),
     "the frame": ("simulation.frame", lambda _: np.array(7), "it is of control frame 40, and of 7"),
     "the searches": ("simulation.searches", lambda _: np.array(["x"]), "'searches' is none of direct, kd_tree, scipy"),

@@ -82,6 +82,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from avatar_fields import set_situations
 from naive_policy import random_actions
 from synthetic_policy import policy, with_headings
 
@@ -144,7 +145,7 @@ scratch, corners, out = empty_scratch(model, 1, 20), Corners(np.empty(64, np.int
 states = draw.integers(chosen.actions.state_count, size=20)
 seen = draw.uniform([-1.0, 1.2, -1.0, -0.05, -0.05, -3.0], [1.0, 1.7, 1.0, 0.05, 0.05, 3.0], (20, 6))
 scratch.order[:], scratch.cohorts[:], scratch.policies[:], scratch.states[:] = np.arange(20), 0, 0, states
-scratch.situations[:] = np.column_stack([seen[:, :5], np.full(20, np.inf), seen[:, 5]])
+set_situations(scratch, np.column_stack([seen[:, :5], np.full(20, np.inf), seen[:, 5]]))
 value_actions(model, np.ones((1, 2)), scratch, 0, 20)
 for k in range(20):
     n = evaluate_actions(tables, np.ones(2), states[k], Target(*seen[k]), corners, out)

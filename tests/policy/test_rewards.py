@@ -9,7 +9,7 @@ from naive_policy import action_reward, comes_through, random_actions
 from naive_policy import surface_distance as naive_distance
 
 from crowdsim.core.bodies import PosedBody, lands_on_posed_body
-from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.records import ACTION, REACH
 from crowdsim.crowd.kernels.rewards import Options, add_strikes
 from crowdsim.crowd.kernels.values import Target
 from crowdsim.errors import RecipeError
@@ -203,22 +203,22 @@ class Rewarded(NamedTuple):
 
     actions: Any
     strikes: Any
+    earnings: Any
     terms: Any
 
 
 def lands_in_control(points, head, term, origin=None):
     """Whether an action with one strike at each point earns anything by what control adds to its value."""
     count = len(points)
-    actions = np.zeros((count + 1, 6), np.int32)
-    actions[:, layout.STRIKES] = np.arange(count + 1)
-    strikes = np.zeros((count, layout.WORTH + 2), np.float32)
-    strikes[:, layout.FIST_X : layout.FIST_Z + 1] = points
-    strikes[:, [layout.FROM_X, layout.FROM_Z]] = points[:, [0, 2]] if origin is None else origin
-    strikes[:, layout.OWNER], strikes[:, layout.WORTH] = np.arange(count), 1.0
+    actions, strikes = np.zeros(count + 1, ACTION), np.zeros(count, REACH)
+    actions["strikes"] = np.arange(count + 1)
+    strikes["x"], strikes["y"], strikes["z"] = points.T
+    strikes["from_x"], strikes["from_z"] = points[:, [0, 2]].T if origin is None else origin
+    strikes["owner"], earnings = np.arange(count), np.tile(np.array([1.0, 0.0], np.float32), (count, 1))
     row = term.copy()
-    row["column"] = layout.WORTH
+    row["column"] = 0
     out = np.zeros(count)
-    model = Rewarded(actions, strikes, row)
+    model = Rewarded(actions, strikes, earnings, row)
     target = Target(*head, 0.0, 0.0, np.inf, 0.0)
     add_strikes(model, 0, Options(0, count, out), target, 1.0, np.empty(count))
     return out == 1.0

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from resting import recipe, resting_policy, staying_policy
 
-from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.model import build_model
 from crowdsim.errors import PolicyError
 from crowdsim.graph.features import frame_features
@@ -113,8 +112,9 @@ def test_a_policy_without_walks_has_no_arrays_of_them() -> None:
     assert not [name for name in arrays if name.startswith("walks")]
     model = build_model([staying_policy()])
     assert len(model.walks) == 0
-    np.testing.assert_array_equal(model.rests[:, layout.FIRST_WALK :], 0)
-    assert (model.rests[:, layout.LEAVE] >= 0).all()
+    assert not model.rests["first_walk"].any()
+    assert not model.rests["end_walk"].any()
+    assert (model.rests["leave"] >= 0).all()
 
 
 @pytest.mark.parametrize(

@@ -45,14 +45,14 @@ def test_hits_are_credited_to_the_decisions_before_them():
 
     other = fights()
     events, decided, cells = [], [], []
-    before = other.avatars.whole[layout.DECISIONS].copy()
+    before = other.avatars.fight["decisions"].copy()
     for frame in range(frames):
         events.append(other.run(1).events)
-        now = other.avatars.whole[layout.DECISIONS]
+        now = other.avatars.fight["decisions"]
         for i in np.flatnonzero(now != before):
-            if other.avatars.whole[layout.THREAT, i] >= 0 and other.avatars.number[i] < PAIRS:
-                decided.append((frame, other.avatars.number[i], other.avatars.whole[layout.ACTION, i]))
-                cells.append(other.avatars.whole[layout.THREAT, i])
+            if other.avatars.fight["threat"][i] >= 0 and other.avatars.number[i] < PAIRS:
+                decided.append((frame, other.avatars.number[i], other.avatars.motion["action"][i]))
+                cells.append(other.avatars.fight["threat"][i])
         before = now.copy()
     taken, landed, count = (np.zeros_like(tally.count) for _ in range(3))
     horizon = round(HORIZON * other.rate)

@@ -6,37 +6,9 @@ from crowdsim.core.candidates import CandidateRules, draw_candidate
 from crowdsim.core.random import uniform
 from crowdsim.crowd.kernels.forced_actions import special_action
 from crowdsim.crowd.kernels.intents import is_resting
-from crowdsim.crowd.kernels.layout import (
-    ACTION,
-    AHEAD,
-    BURST,
-    BURST_STREAM,
-    CHOICE_STREAM,
-    COHORT,
-    DECISIONS,
-    END_X,
-    END_Z,
-    HEADING,
-    INTERVAL,
-    MARGIN,
-    MOST,
-    NEXT,
-    NEXT_OPPONENT,
-    NUMBER,
-    PHASE,
-    PIECE,
-    RESTED,
-    STAMINA,
-    STRIKES,
-    TEMPERATURE,
-    TEMPO,
-    THROWN,
-    THROWN_UNTIL,
-    X,
-    Z,
-)
+from crowdsim.crowd.kernels.layout import AHEAD
 from crowdsim.crowd.kernels.outcomes import note_seen
-from crowdsim.crowd.kernels.prefetch import ask_for, ask_for_rows
+from crowdsim.crowd.kernels.prefetch import prefetch, prefetch_avatar
 from crowdsim.crowd.kernels.resting import resting_action
 from crowdsim.crowd.kernels.vetoes.crossed_legs import crosses_legs
 from crowdsim.crowd.kernels.vetoes.same_strike import mirrors_opponent
@@ -52,7 +24,7 @@ REDRAWN = 4  # how often an avatar draws again that has drawn an action to which
 def choose(model, avatars, world, now, due, count, observed, scratch, out_chosen):
     """Draw the next action of avatars ``due[:count]`` by its value; return -1, or a slot without numbers."""
     for q in range(count):
-        _ask_for_drawing(avatars, due, count, q)
+        _prefetch_drawing(avatars, due, count, q)
         own = due[q]
         action = _forced_action(model, avatars, world, now, own, observed, q)
         if action < 0:
@@ -65,19 +37,18 @@ def choose(model, avatars, world, now, due, count, observed, scratch, out_chosen
 
 
 @kernel(inline=True)
-def _ask_for_drawing(avatars, due, count, q):
-    """Ask memory for what avatars soon after the ``q``-th one will read of themselves and of their opponents."""
-    whole, real = avatars.whole, avatars.real
+def _prefetch_drawing(avatars, due, count, q):
+    """Prefetch what avatars soon after the ``q``-th one will read of themselves and of their opponents."""
     if q + 3 * AHEAD < count:
         own = due[q + 3 * AHEAD]
-        ask_for_rows(whole, (NUMBER, COHORT, DECISIONS, BURST, NEXT_OPPONENT), own)
-        ask_for_rows(real, (RESTED,), own)
+        prefetch_avatar(avatars, own)
+        prefetch(avatars.fight, own)
     if q + 2 * AHEAD < count:
-        ask_for(avatars.slot_of, max(whole[NEXT_OPPONENT, due[q + 2 * AHEAD]], 0))
+        prefetch(avatars.slot_of, max(avatars.fight[due[q + 2 * AHEAD]].next_opponent, 0))
     if q + AHEAD < count:
-        j = avatars.slot_of[max(whole[NEXT_OPPONENT, due[q + AHEAD]], 0)]
-        ask_for_rows(whole, (ACTION, THROWN, THROWN_UNTIL), j)
-        ask_for_rows(real, (X, Z, HEADING, PHASE, END_X, END_Z), j)
+        j = avatars.slot_of[max(avatars.fight[due[q + AHEAD]].next_opponent, 0)]
+        prefetch_avatar(avatars, j)
+        prefetch(avatars.fight, j)
 
 
 @kernel(inline=True)
@@ -87,7 +58,7 @@ def _forced_action(model, avatars, world, now, own, observed, q):
         return -1
     action = special_action(model, avatars, world, now.frame, own, observed, q)
     if action >= 0:
-        avatars.conditions[avatars.whole[NUMBER, own], PIECE] = 0.0
+        avatars.conditions[avatars.number[own]].piece = 0.0
     elif model.ways_to_rest.shape[0] > 0:
         action = resting_action(model, avatars, world, now, own)
     return action
@@ -96,11 +67,11 @@ def _forced_action(model, avatars, world, now, own, observed, q):
 @kernel(inline=True)
 def _draw(model, avatars, world, now, own, observed, q, scratch):
     """Draw among the actions of an avatar by their values, again while there is a veto; -1 where none is a number."""
-    whole, cohorts, values = avatars.whole, world.cohorts, scratch.values[q]
-    cohort, state = whole[COHORT, own], model.actions[whole[ACTION, own], NEXT]
+    values = scratch.values[q]
+    cohort, state = world.cohorts[avatars.playback[own].cohort], model.actions[avatars.motion[own].action].next
     offset, count = model.offsets[state], model.offsets[state + 1] - model.offsets[state]
-    number = uniform(world.stream[CHOICE_STREAM], np.int64(whole[NUMBER, own]), np.int64(whole[DECISIONS, own]))
-    rules = CandidateRules(cohorts[cohort, MARGIN], cohorts[cohort, MOST], cohorts[cohort, TEMPERATURE])
+    number = uniform(world.streams.choice, np.int64(avatars.number[own]), np.int64(avatars.fight[own].decisions))
+    rules = CandidateRules(cohort.margin, cohort.most, cohort.temperature)
     picked = draw_candidate(values, count, rules, number, scratch.rows)
     for _ in range(REDRAWN):
         if picked < 0:
@@ -128,22 +99,23 @@ def _object_to(model, avatars, world, now, own, observed, q, action):
 def _note_strikes(model, avatars, world, now, own, action):
     """Let an avatar note the strikes of the action that it has chosen: what it saw, and how long it has to recover.
 
-    A strike takes ``INTERVAL`` frames to recover from, an exhausted avatar ``WEARY`` times as long again; the tempo is
-    the avatar's own. One that has recovered draws how many strikes its next burst has.
+    A strike takes the cohort's ``interval`` of frames to recover from, an exhausted avatar ``WEARY`` times as long
+    again; the tempo is the avatar's own. One that has recovered draws how many strikes its next burst has.
     """
-    whole, real, number = avatars.whole, avatars.real, avatars.whole[NUMBER, own]
-    thrown = model.actions[action + 1, STRIKES] - model.actions[action, STRIKES]
+    fight = avatars.fight
+    number = avatars.number[own]
+    thrown = model.actions[action + 1].strikes - model.actions[action].strikes
     if thrown > 0:
         note_seen(model, avatars, world, now, own)
-    interval = world.cohorts[whole[COHORT, own], INTERVAL]
+    interval = world.cohorts[avatars.playback[own].cohort].interval
     if avatars.conditions.shape[0] > 0:
         row = avatars.conditions[number]
-        interval *= row[TEMPO] * (1.0 + WEARY * (1.0 - row[STAMINA]))
+        interval *= row.tempo * (1.0 + WEARY * (1.0 - row.stamina))
     if interval <= 0.0:
         return
-    if whole[BURST, own] <= 0 and not is_resting(avatars, world, now.frame, own):
+    if fight[own].burst <= 0 and not is_resting(avatars, world, now.frame, own):
         least, most = BURSTS
-        drawn = uniform(world.stream[BURST_STREAM], np.int64(number), np.int64(whole[DECISIONS, own]))
-        whole[BURST, own] = least + int(drawn * (most - least + 1))
-    whole[BURST, own] = max(whole[BURST, own] - thrown, 0)
-    real[RESTED, own] = max(real[RESTED, own], np.float64(now.frame)) + interval * thrown
+        drawn = uniform(world.streams.burst, np.int64(number), np.int64(fight[own].decisions))
+        fight[own].burst = least + int(drawn * (most - least + 1))
+    fight[own].burst = max(fight[own].burst - thrown, 0)
+    fight[own].rested = max(fight[own].rested, np.float64(now.frame)) + interval * thrown

@@ -19,7 +19,7 @@ def _now(buffer):
 def note_time(timings, clock, stage):
     """Write a steady time [ns] for a stage into ``clock[stage]``, whose last two entries are scratch space.
 
-    Where ``timings`` is None, nothing is measured.
+    Where ``timings`` has no rows, nothing is measured.
     """
-    if timings is not None:
+    if timings.shape[0] > 0:
         clock[stage] = _now(clock[clock.shape[0] - 2 :])

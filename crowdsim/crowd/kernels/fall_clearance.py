@@ -4,38 +4,8 @@ import math
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.segments import square_between
-from crowdsim.crowd.kernels.layout import (
-    ACTION,
-    BASE_TURN,
-    DROPS,
-    END_X,
-    END_Z,
-    FALL,
-    FALL_ACTION,
-    HEADING,
-    HIT_X,
-    HIT_Z,
-    LENGTH,
-    MOVE_COS,
-    MOVE_SIN,
-    MOVE_X,
-    MOVE_Z,
-    NUMBER,
-    ORIGIN,
-    POLICY,
-    RISING,
-    SCALE,
-    SLIDE_X,
-    SLIDE_Z,
-    STANDING,
-    STRIDE,
-    TEAM,
-    Axis,
-    X,
-    Z,
-)
+from crowdsim.crowd.kernels.layout import DROPS, FROM_START, LEFT, RIGHT, RISING, Axis
 from crowdsim.crowd.kernels.lying import (
-    FROM_START,
     axes_apart,
     axis_after,
     axis_of,
@@ -45,7 +15,7 @@ from crowdsim.crowd.kernels.lying import (
     placed,
     seen_from,
 )
-from crowdsim.crowd.kernels.sole_contact import BOUND, LEFT, RADIUS, RIGHT, sole_gap
+from crowdsim.crowd.kernels.sole_contact import sole_gap
 from crowdsim.jit import kernel
 
 PARTS = 4096.0  # parts of a square metre
@@ -62,26 +32,26 @@ def crowded(model, avatars, own, row, dx, dz, observed, q):
 
     The square of the room that lacks is a whole number of parts, so that sums do not depend on the order of neighbours.
     """
-    whole, real, size = avatars.whole, avatars.real, avatars.real[SCALE, own]
-    cos, sin = cos_sin(real[HEADING, own])
+    motion, size = avatars.motion, avatars.playback[own].scale
+    cos, sin = cos_sin(avatars.heading[own])
     cos, sin = cos * size, sin * size
-    x, z = real[X, own] + dx, real[Z, own] + dz
+    x, z = avatars.x[own] + dx, avatars.z[own] + dz
     axis = axis_after(model, row, FROM_START, x, z, cos, sin)
-    move = model.moves[model.falls[row, FALL_ACTION]]
-    x, z = x + move[MOVE_X] * cos + move[MOVE_Z] * sin, z + move[MOVE_Z] * cos - move[MOVE_X] * sin
-    lies = (x, z, real[HEADING, own] + math.atan2(move[MOVE_SIN], move[MOVE_COS]), size)
+    move = model.moves[model.falls[row].action]
+    x, z = x + move.x * cos + move.z * sin, z + move.z * cos - move.x * sin
+    lies = (x, z, avatars.heading[own] + math.atan2(move.sin, move.cos), size)
     lacks = 0.0
     for m in range(observed.counts[q]):
         j = observed.neighbours[q, m]
-        if whole[TEAM, j] < 0 and is_on_floor(avatars, j):
+        if avatars.team[j] < 0 and is_on_floor(avatars, j):
             apart = axes_apart(axis, axis_of(model, avatars, j))
             lacks += _squared(1.0, SIDE_BY_SIDE - apart)
-            if apart < SIDE_BY_SIDE and avatars.conditions[whole[NUMBER, j], STANDING] != RISING:
+            if apart < SIDE_BY_SIDE and avatars.conditions[avatars.number[j]].standing != RISING:
                 lacks += _squared(FIRMLY, FREE - _body_gap(model, avatars, row, lies, j))
-        elif whole[TEAM, j] < 0 and avatars.conditions[whole[NUMBER, j], STANDING] == DROPS:
+        elif avatars.team[j] < 0 and avatars.conditions[avatars.number[j]].standing == DROPS:
             lacks += _squared(1.0, SIDE_BY_SIDE - axes_apart(axis, _axis_soon(avatars, axis, size, j)))
         else:
-            apart = from_axis(axis, real[END_X, j], real[END_Z, j])
+            apart = from_axis(axis, motion[j].end_x, motion[j].end_z)
             lacks += _squared(0.5, STANDS_BY - apart)
             if apart < SIDE_BY_SIDE:
                 lacks += _squared(FIRMLY, FREE - _soles_gap(model, avatars, row, lies, j))
@@ -94,11 +64,11 @@ def _axis_soon(avatars, axis, size, j):
 
     It lies like a body of a size along an axis.
     """
-    real = avatars.real
-    length = math.hypot(axis.to_x - axis.x, axis.to_z - axis.z) * real[SCALE, j] / size
-    share = length / max(math.hypot(real[HIT_X, j], real[HIT_Z, j]), 1e-9)
-    x, z = real[END_X, j], real[END_Z, j]
-    return Axis(x + share * real[HIT_X, j], z + share * real[HIT_Z, j], x, z)
+    motion, fight = avatars.motion, avatars.fight
+    length = math.hypot(axis.to_x - axis.x, axis.to_z - axis.z) * avatars.playback[j].scale / size
+    share = length / max(math.hypot(fight[j].hit_x, fight[j].hit_z), 1e-9)
+    x, z = motion[j].end_x, motion[j].end_z
+    return Axis(x + share * fight[j].hit_x, z + share * fight[j].hit_z, x, z)
 
 
 @kernel(inline=True)
@@ -113,21 +83,23 @@ def _body_gap(model, avatars, row, lies, j):
 
     It is negative where they are in one another, and at most ``FREE``.
     """
-    one, other = model.fall_capsules[row], model.fall_capsules[int(avatars.conditions[avatars.whole[NUMBER, j], FALL])]
+    one, other = model.fall_capsules[row], model.fall_capsules[int(avatars.conditions[avatars.number[j]].fall)]
     x, z, turn = floor_transform(model, avatars, j)
-    unit = avatars.real[SCALE, j]
+    unit = avatars.playback[j].scale
     stands, gap = seen_from((x, z, turn, unit), lies), FREE / unit
     size = stands[4]
     for i in range(one.shape[0]):
-        start, end = placed(one[i, 0], one[i, 1], one[i, 2], stands), placed(one[i, 3], one[i, 4], one[i, 5], stands)
+        own = one[i]
+        start, end = placed(own.x, own.y, own.z, stands), placed(own.to_x, own.to_y, own.to_z, stands)
         x, y, z = 0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]), 0.5 * (start[2] + end[2])
         for k in range(other.shape[0]):
             to = other[k]
-            dx, dy, dz = 0.5 * (to[0] + to[3]) - x, 0.5 * (to[1] + to[4]) - y, 0.5 * (to[2] + to[5]) - z
-            reach = to[BOUND] + one[i, BOUND] * size + gap
+            dx, dy = 0.5 * (to.x + to.to_x) - x, 0.5 * (to.y + to.to_y) - y
+            dz = 0.5 * (to.z + to.to_z) - z
+            reach = to.bound + own.bound * size + gap
             if dx * dx + dy * dy + dz * dz < reach * reach:
-                far = math.sqrt(square_between(start, end, (to[0], to[1], to[2]), (to[3], to[4], to[5])))
-                gap = min(gap, far - to[RADIUS] - one[i, RADIUS] * size)
+                far = math.sqrt(square_between(start, end, (to.x, to.y, to.z), (to.to_x, to.to_y, to.to_z)))
+                gap = min(gap, far - to.radius - own.radius * size)
     return gap * unit
 
 
@@ -137,9 +109,14 @@ def _soles_gap(model, avatars, row, lies, j):
 
     It is at most ``FREE``.
     """
-    whole, real, action = avatars.whole, avatars.real, avatars.whole[ACTION, j]
-    frame = model.actions[action, ORIGIN] + model.actions[action, LENGTH] * model.policies[whole[POLICY, j], STRIDE]
-    there = (real[END_X, j], real[END_Z, j], real[BASE_TURN, j] + model.ground[frame, 2], real[SCALE, j])
+    motion, action = avatars.motion, avatars.motion[j].action
+    frame = model.actions[action].origin + model.actions[action].length * model.policies[avatars.policy[j]].stride
+    there = (
+        motion[j].end_x,
+        motion[j].end_z,
+        avatars.playback[j].base_turn + model.ground[frame].heading,
+        avatars.playback[j].scale,
+    )
     stands, capsules, most = seen_from(lies, there), model.fall_capsules[row], FREE / lies[3]
     left = sole_gap(model.soles, capsules, frame, LEFT, stands, most)
     return lies[3] * min(left, sole_gap(model.soles, capsules, frame, RIGHT, stands, most))
@@ -148,7 +125,7 @@ def _soles_gap(model, avatars, row, lies, j):
 @kernel
 def slide(model, avatars, own, row, observed, q):
     """Choose how far a body slides while it falls: to the place with the most room, or nowhere if none has more."""
-    _, avatars.real[SLIDE_X, own], avatars.real[SLIDE_Z, own] = roomiest(model, avatars, own, row, observed, q)
+    _, avatars.slides[own].x, avatars.slides[own].z = roomiest(model, avatars, own, row, observed, q)
 
 
 @kernel

@@ -6,45 +6,7 @@ import numpy as np
 
 from crowdsim.crowd.kernels.fall_clearance import slide
 from crowdsim.crowd.kernels.falling import next_piece, part_of, pick_fall
-from crowdsim.crowd.kernels.layout import (
-    COHORT,
-    DOES,
-    DOES_NEXT,
-    DOWN_FRAMES,
-    DOWNS,
-    DROPS,
-    FALL,
-    FALL_ACTION,
-    FALL_KIND,
-    FALL_POLICY,
-    FALLING,
-    FALLS,
-    HEALTH,
-    LENGTH,
-    LIES,
-    LYING,
-    MOST_DOWNS,
-    MOVE_X,
-    MOVE_Z,
-    NUMBER,
-    REST_GAIN,
-    RISES,
-    RISING,
-    RUN_TIRES,
-    SLIDE_X,
-    SLIDE_Z,
-    SPEED,
-    STAGGERS,
-    STAMINA,
-    STANDING,
-    STANDING_NEXT,
-    STANDS_UP,
-    STRIKE_TIRES,
-    STRIKES,
-    STUMBLES,
-    TEAM,
-    UP,
-)
+from crowdsim.crowd.kernels.layout import DROPS, FALLING, FALLS, LIES, LYING, RISING, STAGGERS, STANDS_UP, STUMBLES, UP
 from crowdsim.jit import kernel
 
 
@@ -53,14 +15,14 @@ def falls_of(model, policy):
     """Return whether a policy has falls."""
     found = False
     for row in range(model.falls.shape[0]):
-        found |= model.falls[row, FALL_POLICY] == policy and model.falls[row, FALL_KIND] == FALLS
+        found |= model.falls[row].policy == policy and model.falls[row].kind == FALLS
     return found
 
 
 @kernel(inline=True)
 def is_down(avatars, i):
     """Return whether an avatar falls, lies, or is out of the fight; not one that has stood up and now chooses again."""
-    standing = avatars.conditions[avatars.whole[NUMBER, i], STANDING]
+    standing = avatars.conditions[avatars.number[i]].standing
     return standing >= DROPS and standing != RISING
 
 
@@ -70,44 +32,43 @@ def special_action(model, avatars, world, frame, own, observed, q):
 
     What it will be doing is noted in its row of ``conditions``; others see it when the action starts.
     """
-    row = avatars.conditions[avatars.whole[NUMBER, own]]
-    standing = row[STANDING]
-    row[STANDING_NEXT] = UP
+    row = avatars.conditions[avatars.number[own]]
+    standing = row.standing
+    row.standing_next = UP
     if standing <= STAGGERS:
         found = pick_fall(model, avatars, world, own, STUMBLES, observed, q) if standing == STAGGERS else -1
         if found < 0:
-            found = next_piece(model, np.int64(row[FALL]))
+            found = next_piece(model, np.int64(row.fall))
         if found < 0:
             return -1
-        row[FALL] = found
-        return model.falls[found, FALL_ACTION]
+        row.fall = found
+        return model.falls[found].action
     if standing == DROPS:
         found = pick_fall(model, avatars, world, own, FALLS, observed, q)
-        row[STANDING_NEXT], row[FALL] = FALLING, found
+        row.standing_next, row.fall = FALLING, found
         slide(model, avatars, own, found, observed, q)
-        return model.falls[found, FALL_ACTION]
+        return model.falls[found].action
     if FALLING <= standing <= LYING:
-        avatars.real[SLIDE_X, own], avatars.real[SLIDE_Z, own] = 0.0, 0.0
-        rises = standing == LYING and frame >= row[RISES]
-        row[STANDING_NEXT] = RISING if rises else LYING
-        return part_of(model, np.int64(row[FALL]), STANDS_UP if rises else LIES)
+        avatars.slides[own].x, avatars.slides[own].z = 0.0, 0.0
+        rises = standing == LYING and frame >= row.rises
+        row.standing_next = RISING if rises else LYING
+        return part_of(model, np.int64(row.fall), STANDS_UP if rises else LIES)
     return -1
 
 
 @kernel(inline=True)
 def note_condition(model, avatars, world, frame, i, action):
     """Note what an avatar does from now on, as it starts an action; and what that takes from its stamina."""
-    whole = avatars.whole
-    row, rules = avatars.conditions[whole[NUMBER, i]], world.rules[whole[COHORT, i]]
-    row[DOES] = row[DOES_NEXT]
-    frames = model.actions[action, LENGTH] / avatars.real[SPEED, i]
-    strikes = model.actions[action + 1, STRIKES] - model.actions[action, STRIKES]
-    x, z = model.moves[action, MOVE_X], model.moves[action, MOVE_Z]
-    spent = rules[STRIKE_TIRES] * strikes + rules[RUN_TIRES] * math.sqrt(x * x + z * z)
-    row[STAMINA] = min(max(row[STAMINA] - spent, 0.0) + rules[REST_GAIN] * frames, 1.0)
-    if row[STANDING_NEXT] == FALLING and row[STANDING] == DROPS:
-        out = row[HEALTH] <= 0.0 or row[DOWNS] >= rules[MOST_DOWNS]
-        row[RISES] = math.inf if out else frame + frames + rules[DOWN_FRAMES]
-    row[STANDING] = row[STANDING_NEXT]
-    if row[STANDING] == UP and whole[TEAM, i] < 0:
-        whole[TEAM, i] = -2 - whole[TEAM, i]
+    row, rules = avatars.conditions[avatars.number[i]], world.rules[avatars.playback[i].cohort]
+    row.does = row.does_next
+    frames = model.actions[action].length / avatars.motion[i].speed
+    strikes = model.actions[action + 1].strikes - model.actions[action].strikes
+    x, z = model.moves[action].x, model.moves[action].z
+    spent = rules.strike_tires * strikes + rules.run_tires * math.sqrt(x * x + z * z)
+    row.stamina = min(max(row.stamina - spent, 0.0) + rules.rest_gain * frames, 1.0)
+    if row.standing_next == FALLING and row.standing == DROPS:
+        out = row.health <= 0.0 or row.downs >= rules.most_downs
+        row.rises = math.inf if out else frame + frames + rules.down_frames
+    row.standing = row.standing_next
+    if row.standing == UP and avatars.team[i] < 0:
+        avatars.team[i] = -2 - avatars.team[i]

@@ -1,15 +1,9 @@
 """Whether an arm of the victim is in the way of a strike."""
 
 from crowdsim.core.segments import square_between, square_from
+from crowdsim.crowd.kernels.advance import over_ground
 from crowdsim.crowd.kernels.interpolation import point_at
-from crowdsim.crowd.kernels.layout import (
-    FOREARM_RADIUS,
-    GLOVE_RADIUS,
-    LEFT_ELBOW,
-    LEFT_FIST,
-    SCALE,
-)
-from crowdsim.crowd.kernels.motion import over_ground
+from crowdsim.crowd.kernels.layout import LEFT_ELBOW, LEFT_FIST, RIGHT_ELBOW, RIGHT_FIST
 from crowdsim.jit import kernel
 
 STEPS = 6
@@ -24,12 +18,12 @@ def meet_guard(model, avatars, i, thrown, body, stands):
     through the surface of forearm or glove: what only grazes them goes on. Where it meets none is where it ends.
     """
     frame, x, z, size, cos, sin, policy, width = stands
-    forearm, glove = model.sizes[policy, FOREARM_RADIUS] * width, model.sizes[policy, GLOVE_RADIUS] * size
+    forearm, glove = model.sizes[policy].forearm_radius * width, model.sizes[policy].glove_radius * size
     left_elbow = point_at(model.arms, frame, LEFT_ELBOW, x, z, size, cos, sin)
-    right_elbow = point_at(model.arms, frame, LEFT_ELBOW + 3, x, z, size, cos, sin)
+    right_elbow = point_at(model.arms, frame, RIGHT_ELBOW, x, z, size, cos, sin)
     left_fist = point_at(model.arms, frame, LEFT_FIST, x, z, size, cos, sin)
-    right_fist = point_at(model.arms, frame, LEFT_FIST + 3, x, z, size, cos, sin)
-    way, own = model.ways[thrown.strike], avatars.real[SCALE, i]
+    right_fist = point_at(model.arms, frame, RIGHT_FIST, x, z, size, cos, sin)
+    way, own = model.ways[thrown.strike], avatars.playback[i].scale
     first = _way_point(model, avatars, i, thrown, way, own, 0)
     middle = _way_point(model, avatars, i, thrown, way, own, 1)
     # Most strikes that land come nowhere near an arm.
@@ -60,8 +54,8 @@ def meet_guard(model, avatars, i, thrown, body, stands):
 @kernel(inline=True)
 def _way_point(model, avatars, i, thrown, way, own, part):
     """Return a point of the way of a strike [m]."""
-    x, z = over_ground(model, avatars, i, thrown.action, thrown.old, way[3 * part], way[3 * part + 2])
-    return x, way[3 * part + 1] * own, z
+    x, z = over_ground(model, avatars, i, thrown.action, thrown.old, way[part, 0], way[part, 2])
+    return x, way[part, 1] * own, z
 
 
 @kernel(inline=True)

@@ -9,31 +9,7 @@ of strikes, by its range and aggression.
 import math
 
 from crowdsim.core.angles import cos_sin
-from crowdsim.crowd.kernels.layout import (
-    AGGRESSION,
-    ATTACKERS,
-    BURST,
-    COHORT,
-    DOES,
-    DOES_NEXT,
-    FIGHTS,
-    FLEES,
-    HEADING,
-    INTERVAL,
-    KEEPS,
-    MODE,
-    NUMBER,
-    OPPONENT,
-    PIECE,
-    RANGE,
-    RESTED,
-    RESTS,
-    TEAM,
-    WATCHES,
-    Target,
-    X,
-    Z,
-)
+from crowdsim.crowd.kernels.layout import FIGHTS, FLEES, RESTS, WATCHES, Target
 from crowdsim.crowd.kernels.obstacle_steering import go_around
 from crowdsim.crowd.kernels.resting import may_get_opponent
 from crowdsim.jit import kernel
@@ -56,24 +32,24 @@ def see_by_intent(model, avatars, world, now, own, opponent, target, observed, q
 
     One that has no opponent, and can get none again, rests where its policy has rests.
     """
-    row = avatars.conditions[avatars.whole[NUMBER, own]]
-    does, keeps, turns = row[MODE], row[KEEPS], False
+    row = avatars.conditions[avatars.number[own]]
+    does, keeps, turns = row.mode, row.keeps, False
     if opponent == -1 and does != RESTS and model.ways_to_rest.shape[0] > 0:
-        if row[PIECE] > 0.0 or not may_get_opponent(avatars, now, own):
+        if row.piece > 0.0 or not may_get_opponent(avatars, now, own):
             does = RESTS
-    elif does == RESTS and opponent != -1 and row[PIECE] == 0.0:
+    elif does == RESTS and opponent != -1 and row.piece == 0.0:
         does = _before_rest(avatars, own, target, keeps)
         turns = does == WATCHES
     if does == FIGHTS and opponent >= 0 and _has_to_wait(avatars, world, now, own, opponent, observed, q):
         does, keeps = WATCHES, WAITING
-    row[DOES_NEXT] = does
-    x, z = avatars.real[X, own], avatars.real[Z, own]
+    row.does_next = does
+    x, z = avatars.x[own], avatars.z[own]
     if opponent >= 0 and does != FLEES and (target.x - x) ** 2 + (target.z - z) ** 2 > NEARBY * NEARBY:
         target = go_around(model, avatars, own, target, observed, q)
     if does == FIGHTS:
         keeps = FIGHTING
         if is_resting(avatars, world, now.frame, own):
-            keeps += row[RANGE] - SHYNESS * row[AGGRESSION]
+            keeps += row.range - SHYNESS * row.aggression
         if keeps == FIGHTING:
             return target
     dx, dz = target.x - x, target.z - z
@@ -92,15 +68,14 @@ def see_by_intent(model, avatars, world, now, own, opponent, target, observed, q
 @kernel(inline=True)
 def _before_rest(avatars, own, target, keeps):
     """Return what an avatar does that is to rest: it goes away to its distance, faces its opponent, and rests."""
-    real = avatars.real
-    dx, dz = target.x - real[X, own], target.z - real[Z, own]
+    dx, dz = target.x - avatars.x[own], target.z - avatars.z[own]
     square = dx * dx + dz * dz
-    did = avatars.conditions[avatars.whole[NUMBER, own], DOES]
+    did = avatars.conditions[avatars.number[own]].does
     goes = did in (FIGHTS, FLEES)
     near = keeps - NEARLY if goes else TOO_NEAR * keeps
     if square < near * near:
         return FLEES
-    cos, sin = cos_sin(real[HEADING, own])
+    cos, sin = cos_sin(avatars.heading[own])
     ahead = dx * sin + dz * cos
     return RESTS if ahead > 0.0 and ahead * ahead > FACING * FACING * square else WATCHES
 
@@ -108,9 +83,8 @@ def _before_rest(avatars, own, target, keeps):
 @kernel(inline=True)
 def is_resting(avatars, world, frame, own):
     """Return whether an avatar has thrown a burst of strikes that it has not recovered from."""
-    whole = avatars.whole
-    tires = world.cohorts[whole[COHORT, own], INTERVAL] > 0.0
-    return tires and whole[BURST, own] <= 0 and frame < avatars.real[RESTED, own]
+    tires = world.cohorts[avatars.playback[own].cohort].interval > 0.0
+    return tires and avatars.fight[own].burst <= 0 and frame < avatars.fight[own].rested
 
 
 @kernel(inline=True)
@@ -119,8 +93,7 @@ def _has_to_wait(avatars, world, now, own, opponent, observed, q):
 
     An avatar that fights it already counts as nearer; among equals it is the lower number.
     """
-    whole, conditions = avatars.whole, avatars.conditions
-    most = world.rules[whole[COHORT, own], ATTACKERS]
+    most = world.rules[avatars.playback[own].cohort].attackers
     j = avatars.slot_of[opponent]
     if most <= 0.0 or j >= now.present:
         return False
@@ -128,18 +101,18 @@ def _has_to_wait(avatars, world, now, own, opponent, observed, q):
     nearer = 0
     for m in range(observed.counts[q]):
         i = observed.neighbours[q, m]
-        if whole[OPPONENT, i] != opponent or whole[TEAM, i] < 0 or conditions[whole[NUMBER, i], MODE] != FIGHTS:
+        others = avatars.opponent[i] != opponent
+        if others or avatars.team[i] < 0 or avatars.conditions[avatars.number[i]].mode != FIGHTS:
             continue
         far = _claim(avatars, i, j)
-        nearer += far < mine or (far == mine and whole[NUMBER, i] < whole[NUMBER, own])
+        nearer += far < mine or (far == mine and avatars.number[i] < avatars.number[own])
     return nearer >= most
 
 
 @kernel(inline=True)
 def _claim(avatars, i, j):
     """Return how far an avatar is from another, less where it fights that one already [m]."""
-    whole, real = avatars.whole, avatars.real
-    dx, dz = real[X, j] - real[X, i], real[Z, j] - real[Z, i]
+    dx, dz = avatars.x[j] - avatars.x[i], avatars.z[j] - avatars.z[i]
     far = math.sqrt(dx * dx + dz * dz)
-    fights = whole[OPPONENT, i] == whole[NUMBER, j] and avatars.conditions[whole[NUMBER, i], DOES] == FIGHTS
+    fights = avatars.opponent[i] == avatars.number[j] and avatars.conditions[avatars.number[i]].does == FIGHTS
     return far - ADMITTED if fights else far

@@ -1,34 +1,34 @@
-"""Rows of playback frames at a fractional frame."""
+"""Playback frames at a fractional frame."""
 
 from crowdsim.jit import kernel
 
 
 @kernel(inline=True)
-def between(rows, frame, column):
-    """Return a column of ``rows`` at a fractional row."""
+def between(points, frame, point, axis):
+    """Return a coordinate of one of the ``points`` (L, K, 3) of playback frames at a fractional frame."""
     below = int(frame)
     share = frame - below
-    value = float(rows[below, column])
+    value = float(points[below, point, axis])
     if share > 0.0:
-        value += share * (rows[below + 1, column] - value)
+        value += share * (points[below + 1, point, axis] - value)
     return value
 
 
 @kernel(inline=True)
 def ground_at(ground, frame):
-    """Return the ground transform at a fractional row."""
+    """Return the ground transform at a fractional frame: x, z [m] and heading [rad]."""
     below = int(frame)
     share = frame - below
-    x, z, heading = ground[below, 0], ground[below, 1], ground[below, 2]
+    x, z, heading = ground[below].x, ground[below].z, ground[below].heading
     if share > 0.0:
-        x += share * (ground[below + 1, 0] - x)
-        z += share * (ground[below + 1, 1] - z)
-        heading += share * (ground[below + 1, 2] - heading)
+        x += share * (ground[below + 1].x - x)
+        z += share * (ground[below + 1].z - z)
+        heading += share * (ground[below + 1].heading - heading)
     return x, z, heading
 
 
 @kernel(inline=True)
-def point_at(rows, frame, column, x, z, size, cos, sin):
-    """Return the position of a point of a body at (x, z): three columns of ``rows`` at a fractional row."""
-    px, pz = between(rows, frame, column), between(rows, frame, column + 2)
-    return x + px * cos + pz * sin, between(rows, frame, column + 1) * size, z - px * sin + pz * cos
+def point_at(points, frame, point, x, z, size, cos, sin):
+    """Return the position of one of the ``points`` of a body at (x, z), at a fractional frame."""
+    px, pz = between(points, frame, point, 0), between(points, frame, point, 2)
+    return x + px * cos + pz * sin, between(points, frame, point, 1) * size, z - px * sin + pz * cos

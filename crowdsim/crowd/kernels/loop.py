@@ -2,14 +2,13 @@
 
 import numpy as np
 
+from crowdsim.crowd.kernels.advance import advance, switch
 from crowdsim.crowd.kernels.clock import note_time
-from crowdsim.crowd.kernels.damage import hurt
 from crowdsim.crowd.kernels.decide import decide
-from crowdsim.crowd.kernels.layout import SIGHT, Now, Observed
-from crowdsim.crowd.kernels.motion import advance, switch
+from crowdsim.crowd.kernels.layout import Now, Observed
 from crowdsim.crowd.kernels.opponents import observe_all
 from crowdsim.crowd.kernels.record import write_record
-from crowdsim.crowd.kernels.strikes import note_hits, strike
+from crowdsim.crowd.kernels.resolve import list_strikes, resolve
 from crowdsim.jit import kernel
 
 
@@ -18,9 +17,10 @@ def run_frames(model, avatars, world, now, count, fresh, scratch, record, strike
     """Run ``count`` control frames from ``now`` on for a small crowd, and record them.
 
     ``fresh``: the first frame only decides, since nothing has moved yet. ``timings`` (count, 6) takes the time of
-    index, observe, choose, advance, strikes and record [ns]; with None no clock is read. Returns the frames done, which
-    are fewer where room for strikes may not last, an avatar is knocked down, or events wait for strikes and some are
-    thrown; the number of strikes; and the slot of an avatar whose position or values are not numbers, or -1.
+    index, observe, choose, advance, strikes and record [ns]; without rows no clock is read. Returns the frames
+    done, which are fewer where room for strikes may not last, an avatar is knocked down, or events wait for strikes
+    and some are thrown; the number of strikes; and the slot of an avatar whose position or values are not numbers,
+    or -1.
     """
     present = now.present
     due, chosen = np.empty(present, np.int32), np.empty(present, np.int32)
@@ -30,7 +30,7 @@ def run_frames(model, avatars, world, now, count, fresh, scratch, record, strike
     clock = np.empty(8, np.int64)
     held = 0
     for k in range(count):
-        if held + 8 * present > strikes.whole.shape[0] and k > 0:
+        if held + 8 * present > strikes.shape[0] and k > 0:
             return k, held, -1
         then = Now(now.frame + k, now.moment + k, present)
         note_time(timings, clock, 0)
@@ -38,7 +38,7 @@ def run_frames(model, avatars, world, now, count, fresh, scratch, record, strike
         if dues < 0:
             return k, held, -1 - dues
         note_time(timings, clock, 1)
-        observe_all(avatars, present, due, dues, world.crowding[SIGHT], observed, distances, hits)
+        observe_all(avatars, present, due, dues, world.crowding.sight, observed, distances, hits)
         note_time(timings, clock, 2)
         lost = _decide_all(model, avatars, world, then, due[:dues], observed, scratch, chosen)
         if lost >= 0:
@@ -47,9 +47,8 @@ def run_frames(model, avatars, world, now, count, fresh, scratch, record, strike
         switch(model, avatars, world, then.frame, due, chosen, 0, dues)
         note_time(timings, clock, 4)
         before = held
-        held = strike(model, avatars, world, then, 0, present, due, strikes, held)
-        note_hits(model, avatars, then.frame, strikes, before, held)
-        felled = hurt(model, avatars, world, then.frame, strikes, before, held)
+        held = list_strikes(model, avatars, world, then, 0, present, due, strikes, held)
+        felled = resolve(model, avatars, world, then.frame, strikes, before, held)
         note_time(timings, clock, 5)
         write_record(model, avatars, record, k, 0, present)
         note_time(timings, clock, 6)
@@ -83,7 +82,7 @@ def _decide_all(model, avatars, world, now, due, observed, scratch, out_chosen):
 @kernel(inline=True)
 def _write_times(timings, clock, k):
     """Write the times of the stages of a frame, if requested."""
-    if timings is not None:
+    if timings.shape[0] > 0:
         timings[k, 0] = 0
         timings[k, 1] = clock[2] - clock[1]
         timings[k, 2] = clock[3] - clock[2]

@@ -3,30 +3,8 @@
 import math
 
 from crowdsim.core.angles import cos_sin
-from crowdsim.crowd.kernels.layout import (
-    ACTION,
-    BASE_COS,
-    BASE_SIN,
-    BASE_TURN,
-    BASE_X,
-    BASE_Z,
-    END_X,
-    END_Z,
-    FALL,
-    FALLING,
-    LENGTH,
-    NUMBER,
-    ORIGIN,
-    POLICY,
-    RISING,
-    SCALE,
-    STANDING,
-    STRIDE,
-    Axis,
-)
+from crowdsim.crowd.kernels.layout import FALLING, FROM_END, RISING, Axis
 from crowdsim.jit import kernel
-
-FROM_START, FROM_END = 0, 4  # columns of ``Model.fall_axes``: seen from the first frame of a fall, and from its last
 
 
 @kernel(inline=True)
@@ -34,31 +12,35 @@ def is_on_floor(avatars, j):
     """Return whether an avatar falls, lies or gets up."""
     if avatars.conditions.shape[0] == 0:
         return False
-    return FALLING <= avatars.conditions[avatars.whole[NUMBER, j], STANDING] <= RISING
+    return FALLING <= avatars.conditions[avatars.number[j]].standing <= RISING
 
 
 @kernel(inline=True)
-def axis_after(model, fall, column, x, z, cos, sin):
-    """Return where a body lies after a fall, seen from a position; ``cos`` and ``sin`` are times the body's size."""
-    axes = model.fall_axes
-    hx, hz, fx, fz = axes[fall, column], axes[fall, column + 1], axes[fall, column + 2], axes[fall, column + 3]
-    return Axis(x + hx * cos + hz * sin, z - hx * sin + hz * cos, x + fx * cos + fz * sin, z - fx * sin + fz * cos)
+def axis_after(model, fall, seen_from, x, z, cos, sin):
+    """Return where a body lies after a fall, seen from a position; ``cos`` and ``sin`` are times the body's size.
+
+    The position is that at the start of the fall (``FROM_START``), or at its end (``FROM_END``).
+    """
+    axis = model.fall_axes[fall, seen_from]
+    head_x, head_z = x + axis.x * cos + axis.z * sin, z - axis.x * sin + axis.z * cos
+    return Axis(head_x, head_z, x + axis.to_x * cos + axis.to_z * sin, z - axis.to_x * sin + axis.to_z * cos)
 
 
 @kernel(inline=True)
 def floor_transform(model, avatars, j):
     """Return the ground transform of an avatar on the floor where it lies, or will lie: x, z [m] and turn [rad]."""
-    whole, real, ground = avatars.whole, avatars.real, model.ground
-    action = whole[ACTION, j]
-    frame = model.actions[action, ORIGIN]
-    if avatars.conditions[whole[NUMBER, j], STANDING] == RISING:
-        cos, sin = real[BASE_COS, j], real[BASE_SIN, j]
-        gx, gz = ground[frame, 0], ground[frame, 1]
-        x, z = real[BASE_X, j] + gx * cos + gz * sin, real[BASE_Z, j] - gx * sin + gz * cos
+    motion, playback = avatars.motion, avatars.playback
+    ground = model.ground
+    action = motion[j].action
+    frame = model.actions[action].origin
+    if avatars.conditions[avatars.number[j]].standing == RISING:
+        cos, sin = playback[j].base_cos, playback[j].base_sin
+        gx, gz = ground[frame].x, ground[frame].z
+        x, z = playback[j].base_x + gx * cos + gz * sin, playback[j].base_z - gx * sin + gz * cos
     else:
-        frame += model.actions[action, LENGTH] * model.policies[whole[POLICY, j], STRIDE]
-        x, z = real[END_X, j], real[END_Z, j]
-    return x, z, real[BASE_TURN, j] + ground[frame, 2]
+        frame += model.actions[action].length * model.policies[avatars.policy[j]].stride
+        x, z = motion[j].end_x, motion[j].end_z
+    return x, z, playback[j].base_turn + ground[frame].heading
 
 
 @kernel(inline=True)
@@ -84,13 +66,14 @@ def placed(x, y, z, stands):
 @kernel(inline=True)
 def axis_of(model, avatars, j):
     """Return where an avatar lies, or will lie; of one that gets up, from there to where it will stand."""
-    real, row = avatars.real, avatars.conditions[avatars.whole[NUMBER, j]]
+    motion = avatars.motion
+    row = avatars.conditions[avatars.number[j]]
     x, z, turn = floor_transform(model, avatars, j)
     cos, sin = cos_sin(turn)
-    size = real[SCALE, j]
-    axis = axis_after(model, int(row[FALL]), FROM_END, x, z, cos * size, sin * size)
-    if row[STANDING] == RISING:
-        return Axis(0.5 * (axis.x + axis.to_x), 0.5 * (axis.z + axis.to_z), real[END_X, j], real[END_Z, j])
+    size = avatars.playback[j].scale
+    axis = axis_after(model, int(row.fall), FROM_END, x, z, cos * size, sin * size)
+    if row.standing == RISING:
+        return Axis(0.5 * (axis.x + axis.to_x), 0.5 * (axis.z + axis.to_z), motion[j].end_x, motion[j].end_z)
     return axis
 
 

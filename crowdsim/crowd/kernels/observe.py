@@ -7,54 +7,10 @@ from crowdsim.crowd.kernels.arena import outside
 from crowdsim.crowd.kernels.forced_actions import is_down
 from crowdsim.crowd.kernels.intents import see_by_intent
 from crowdsim.crowd.kernels.interpolation import between
-from crowdsim.crowd.kernels.layout import (
-    ACTION,
-    AHEAD,
-    ARENA,
-    BASE_TURN,
-    CENTRE_X,
-    CENTRE_Z,
-    COHORT,
-    END_X,
-    END_Z,
-    FACING,
-    HEAD,
-    HEADING,
-    HIT_BY,
-    HIT_FRAME,
-    LASTS,
-    LENGTH,
-    MOVING_X,
-    MOVING_Z,
-    NEXT,
-    NEXT_OPPONENT,
-    NUMBER,
-    OPPONENT,
-    ORIGIN,
-    PHASE,
-    POLICY,
-    SCALE,
-    SKIP,
-    SPEED,
-    STRIDE,
-    TARGET_X,
-    TARGET_Y,
-    TARGET_Z,
-    TEAM,
-    TURN_BACK,
-    Target,
-    X,
-    Z,
-)
+from crowdsim.crowd.kernels.layout import AHEAD, HEAD, Target
 from crowdsim.crowd.kernels.opponents import change_opponent
-from crowdsim.crowd.kernels.prefetch import ask_for, ask_for_rows
+from crowdsim.crowd.kernels.prefetch import prefetch, prefetch_avatar
 from crowdsim.jit import kernel
-
-# Rows of ``Avatars.whole`` and ``Avatars.real`` that ``observe`` reads of an avatar, and of its opponent.
-_OWN = (OPPONENT, SKIP, ACTION, COHORT, POLICY, HIT_BY, NUMBER, NEXT_OPPONENT)
-_OWN_REAL = (X, Z, SCALE, HEADING, SPEED, HIT_FRAME)
-_OTHERS = (OPPONENT, ACTION, POLICY, TEAM, NUMBER)
-_OTHERS_REAL = (X, Z, SCALE, HEADING, PHASE, SPEED, END_X, END_Z, BASE_TURN)
 
 
 @kernel(inline=True)
@@ -62,64 +18,63 @@ def observe(model, avatars, world, now, due, count, observed, scratch):
     """Choose opponents for avatars ``due[:count]`` and write their situations (``values.value_actions``).
 
     The state is that in which the action ends, or -1 where there is no opponent. Opponents change when the next
-    actions start (``motion.switch``), so that all avatars see the opponents that the others had when the frame began.
+    actions start (``advance.switch``), so that all avatars see the opponents that the others had when the frame began.
     """
-    whole, real, slot_of, arena = avatars.whole, avatars.real, avatars.slot_of, world.arena
+    slot_of, arena = avatars.slot_of, world.arena
     for q in range(count):
-        _ask_for_targets(model, avatars, due, count, observed, q)
+        _prefetch_targets(model, avatars, due, count, observed, q)
         own = due[q]
         opponent = change_opponent(avatars, world.cohorts, now, own, observed, q)
-        whole[NEXT_OPPONENT, own] = opponent
+        avatars.fight[own].next_opponent = opponent
         seen = True
         if opponent <= -2:
             target = _scripted_target(world.targets, now.moment, -2 - opponent)
         elif opponent >= 0 and slot_of[opponent] < now.present:
             target = _head_of(model, avatars, slot_of[opponent])
         else:
-            target, seen = Target(0.0, 1.5 * real[SCALE, own], 0.0, 0.0, 0.0, 0.0), False
+            target, seen = Target(0.0, 1.5 * avatars.playback[own].scale, 0.0, 0.0, 0.0, 0.0), False
         down = False
         if avatars.conditions.shape[0] > 0:
             down = is_down(avatars, own)
             if down:
-                whole[NEXT_OPPONENT, own], seen = -1, False
+                avatars.fight[own].next_opponent, seen = -1, False
             else:
                 other = opponent if seen else -1
                 target = see_by_intent(model, avatars, world, now, own, other, target, observed, q)
-        if not down and arena[ARENA] != 0.0 and outside(arena, real[X, own], real[Z, own]) > world.crowding[TURN_BACK]:
+        if not down and arena.kind != 0.0 and outside(arena, avatars.x[own], avatars.z[own]) > world.crowding.turn_back:
             # The middle counts until the avatar is inside again.
-            target, seen = Target(arena[CENTRE_X], target.y, arena[CENTRE_Z], 0.0, 0.0, target.lasts), True
-        _write_situation(real, own, target, scratch.situations, q)
-        faces = real[HEADING, slot_of[opponent]] if opponent >= 0 else math.atan2(target.vx, target.vz)
-        scratch.situations[q, FACING] = faces - real[HEADING, own]
-        state = model.actions[whole[ACTION, own], NEXT]
+            target, seen = Target(arena.x, target.y, arena.z, 0.0, 0.0, target.lasts), True
+        _write_situation(avatars, own, target, scratch.situations, q)
+        faces = avatars.heading[slot_of[opponent]] if opponent >= 0 else math.atan2(target.vx, target.vz)
+        scratch.situations[q].heading = faces - avatars.heading[own]
+        state = model.actions[avatars.motion[own].action].next
         for action in range(model.offsets[state], model.offsets[state + 1], 2):
-            ask_for(model.moves, action * model.moves.shape[1])
-            ask_for(model.actions, action * model.actions.shape[1])
+            prefetch(model.moves, action)
+            prefetch(model.prices, action)
+            prefetch(model.actions, action)
         scratch.states[q] = state if seen else -1
-        scratch.cohorts[q], scratch.policies[q] = whole[COHORT, own], whole[POLICY, own]
+        scratch.cohorts[q], scratch.policies[q] = avatars.playback[own].cohort, avatars.policy[own]
 
 
 @kernel(inline=True)
-def _ask_for_targets(model, avatars, due, count, observed, q):
-    """Ask memory for what some avatars after the ``q``-th one will read of themselves and of their opponents."""
-    whole, real = avatars.whole, avatars.real
+def _prefetch_targets(model, avatars, due, count, observed, q):
+    """Prefetch what some avatars after the ``q``-th one will read of themselves and of their opponents."""
+    motion = avatars.motion
     if q + 3 * AHEAD < count:
         own, nearest = due[q + 3 * AHEAD], max(observed.opponents[q + 3 * AHEAD], 0)
-        ask_for_rows(whole, _OWN, own)
-        ask_for_rows(real, _OWN_REAL, own)
-        ask_for_rows(whole, _OTHERS, nearest)
-        ask_for_rows(real, _OTHERS_REAL, nearest)
+        prefetch_avatar(avatars, own)
+        prefetch(avatars.fight, own)
+        prefetch_avatar(avatars, nearest)
     if q + 2 * AHEAD < count:
-        ask_for(avatars.slot_of, max(whole[OPPONENT, due[q + 2 * AHEAD]], 0))
+        prefetch(avatars.slot_of, max(avatars.opponent[due[q + 2 * AHEAD]], 0))
     if q + AHEAD < count:
-        old, nearest = avatars.slot_of[max(whole[OPPONENT, due[q + AHEAD]], 0)], max(observed.opponents[q + AHEAD], 0)
-        ask_for_rows(whole, _OTHERS, old)
-        ask_for_rows(real, _OTHERS_REAL, old)
-        action, stride = whole[ACTION, nearest], model.policies[whole[POLICY, nearest], STRIDE]
-        first, end = model.actions[action, ORIGIN], model.actions[action, LENGTH] * stride
-        ask_for(model.bodies, 9 * (first + int(real[PHASE, nearest]) * stride))
-        ask_for(model.bodies, 9 * (first + end))
-        ask_for(model.ground, 3 * (first + end))
+        old, nearest = avatars.slot_of[max(avatars.opponent[due[q + AHEAD]], 0)], max(observed.opponents[q + AHEAD], 0)
+        prefetch_avatar(avatars, old)
+        action, stride = motion[nearest].action, model.policies[avatars.policy[nearest]].stride
+        first, end = model.actions[action].origin, model.actions[action].length * stride
+        prefetch(model.bodies, first + int(motion[nearest].phase) * stride)
+        prefetch(model.bodies, first + end)
+        prefetch(model.ground, first + end)
 
 
 @kernel(inline=True)
@@ -132,37 +87,40 @@ def _scripted_target(targets, moment, target):
 @kernel(inline=True)
 def _head_of(model, avatars, j):
     """Return an avatar's head, which moves to where it is at the end of its action."""
-    whole, real, actions, bodies = avatars.whole, avatars.real, model.actions, model.bodies
-    action = whole[ACTION, j]
-    done = min(real[PHASE, j], actions[action, LENGTH])
-    frame = actions[action, ORIGIN] + done * model.policies[whole[POLICY, j], STRIDE]
-    size = real[SCALE, j]
-    hx, hz = between(bodies, frame, HEAD) * size, between(bodies, frame, HEAD + 2) * size
-    cos, sin = cos_sin(real[HEADING, j])
-    x, z = real[X, j] + hx * cos + hz * sin, real[Z, j] - hx * sin + hz * cos
-    y = between(bodies, frame, HEAD + 1) * size
-    lasts = (actions[action, LENGTH] - done) / real[SPEED, j]
+    motion = avatars.motion
+    actions, bodies = model.actions, model.bodies
+    action = motion[j].action
+    done = min(motion[j].phase, actions[action].length)
+    frame = actions[action].origin + done * model.policies[avatars.policy[j]].stride
+    size = avatars.playback[j].scale
+    hx, hz = between(bodies, frame, HEAD, 0) * size, between(bodies, frame, HEAD, 2) * size
+    cos, sin = cos_sin(avatars.heading[j])
+    x, z = avatars.x[j] + hx * cos + hz * sin, avatars.z[j] - hx * sin + hz * cos
+    y = between(bodies, frame, HEAD, 1) * size
+    lasts = (actions[action].length - done) / motion[j].speed
     vx, vz = 0.0, 0.0
     if lasts > 0.0:
-        stride = model.policies[whole[POLICY, j], STRIDE]
-        end = actions[action, ORIGIN] + actions[action, LENGTH] * stride
-        cos, sin = cos_sin(real[BASE_TURN, j] + model.ground[end, 2])
-        hx, hz = bodies[end, HEAD] * size, bodies[end, HEAD + 2] * size
-        vx = (real[END_X, j] + hx * cos + hz * sin - x) / lasts
-        vz = (real[END_Z, j] - hx * sin + hz * cos - z) / lasts
+        stride = model.policies[avatars.policy[j]].stride
+        end = actions[action].origin + actions[action].length * stride
+        cos, sin = cos_sin(avatars.playback[j].base_turn + model.ground[end].heading)
+        hx, hz = bodies[end, HEAD, 0] * size, bodies[end, HEAD, 2] * size
+        vx = (motion[j].end_x + hx * cos + hz * sin - x) / lasts
+        vz = (motion[j].end_z - hx * sin + hz * cos - z) / lasts
     return Target(x, y, z, vx, vz, lasts)
 
 
 @kernel(inline=True)
-def _write_situation(real, own, target, out_situations, q):
+def _write_situation(avatars, own, target, out_situations, q):
     """Write a target as an avatar sees it, for a body of scale 1 and in its own frames of motion."""
-    scale, speed = real[SCALE, own], real[SPEED, own]
-    cos, sin = cos_sin(real[HEADING, own])
-    dx, dz = (target.x - real[X, own]) / scale, (target.z - real[Z, own]) / scale
-    out_situations[q, TARGET_X] = dx * cos - dz * sin
-    out_situations[q, TARGET_Y] = target.y / scale
-    out_situations[q, TARGET_Z] = dx * sin + dz * cos
+    motion = avatars.motion
+    scale, speed = avatars.playback[own].scale, motion[own].speed
+    cos, sin = cos_sin(avatars.heading[own])
+    situation = out_situations[q]
+    dx, dz = (target.x - avatars.x[own]) / scale, (target.z - avatars.z[own]) / scale
+    situation.x = dx * cos - dz * sin
+    situation.y = target.y / scale
+    situation.z = dx * sin + dz * cos
     dx, dz = target.vx / (scale * speed), target.vz / (scale * speed)
-    out_situations[q, MOVING_X] = dx * cos - dz * sin
-    out_situations[q, MOVING_Z] = dx * sin + dz * cos
-    out_situations[q, LASTS] = target.lasts * speed
+    situation.vx = dx * cos - dz * sin
+    situation.vz = dx * sin + dz * cos
+    situation.lasts = target.lasts * speed

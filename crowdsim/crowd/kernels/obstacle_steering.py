@@ -2,7 +2,7 @@
 
 import math
 
-from crowdsim.crowd.kernels.layout import SCALE, TEAM, Target, X, Z
+from crowdsim.crowd.kernels.layout import Target
 from crowdsim.crowd.kernels.lying import axis_of, is_on_floor
 from crowdsim.jit import kernel
 
@@ -15,15 +15,15 @@ BODIES = 2  # how many bodies, one after another, a way leads around
 @kernel
 def go_around(model, avatars, own, target, observed, q):
     """Return a target where it is, or as far away, but in the direction of the way around the first body before it."""
-    x, z = avatars.real[X, own], avatars.real[Z, own]
+    x, z = avatars.x[own], avatars.z[own]
     dx, dz = target.x - x, target.z - z
     far = math.sqrt(dx * dx + dz * dz)
     for _ in range(BODIES):
         first, to_x, to_z = 1.0, 0.0, 0.0
         for m in range(observed.counts[q]):
             j = observed.neighbours[q, m]
-            if avatars.whole[TEAM, j] < 0 and is_on_floor(avatars, j):
-                share, px, pz = _way_around(axis_of(model, avatars, j), avatars.real[SCALE, j], x, z, dx, dz)
+            if avatars.team[j] < 0 and is_on_floor(avatars, j):
+                share, px, pz = _way_around(axis_of(model, avatars, j), avatars.playback[j].scale, x, z, dx, dz)
                 if share < first and share * far <= SOON:
                     first, to_x, to_z = share, px, pz
         if first == 1.0:

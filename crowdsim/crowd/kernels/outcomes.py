@@ -12,38 +12,7 @@ import numpy as np
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.bodies import PosedBody, comes_through, lands_on_posed_body
 from crowdsim.crowd.kernels.guards import meet_guard
-from crowdsim.crowd.kernels.layout import (
-    ACTION,
-    BLOCKED,
-    DECISIONS,
-    EVADED,
-    HEAD_RADIUS,
-    HEADING,
-    LANDED,
-    LENGTH,
-    MISSED,
-    NECK_DROP,
-    NEXT_OPPONENT,
-    NUMBER,
-    ORIGIN,
-    PACE,
-    PELVIS_DROP,
-    PHASE,
-    POLICY,
-    REACH,
-    SCALE,
-    SEEN_FRAME,
-    SEEN_TURN,
-    SEEN_X,
-    SEEN_Z,
-    SPEED,
-    STRIDE,
-    TOLERANCE,
-    TORSO_RADIUS,
-    WIDTH,
-    X,
-    Z,
-)
+from crowdsim.crowd.kernels.layout import BLOCKED, EVADED, LANDED, MISSED
 from crowdsim.crowd.kernels.postures import Standing, posed_body, standing
 from crowdsim.jit import kernel
 
@@ -74,36 +43,32 @@ class Strike(NamedTuple):
 def note_seen(model, avatars, world, now, own):
     """Let an avatar that has chosen strikes note what its opponent is like.
 
-    A row of ``Avatars.seen`` has two halves, which decisions take in turns: strikes of the action before are listed
-    when the next one has begun.
+    Decisions take the two records of ``Avatars.seen`` in turns: strikes of the action before are listed when the next
+    one has begun.
     """
-    whole, real, actions = avatars.whole, avatars.real, model.actions
-    opponent, half = whole[NEXT_OPPONENT, own], 4 * (whole[DECISIONS, own] & 1)
-    row = avatars.seen[whole[NUMBER, own]]
+    motion = avatars.motion
+    actions = model.actions
+    opponent = avatars.fight[own].next_opponent
+    seen = avatars.seen[avatars.number[own], avatars.fight[own].decisions & 1]
     j = np.int64(avatars.slot_of[opponent]) if opponent >= 0 else np.int64(now.present)
     if opponent <= -2:
         target = world.targets[now.moment, -2 - opponent]
-        row[half + SEEN_X], row[half + SEEN_Z], row[half + SEEN_TURN] = target[0], target[2], target[1]
-        row[half + SEEN_FRAME] = 0.0
+        seen.x, seen.z, seen.turn, seen.frame = target[0], target[2], target[1], 0.0
     elif j < now.present:
-        done = min(real[PHASE, j], np.float64(actions[whole[ACTION, j], LENGTH]))
-        frame = actions[whole[ACTION, j], ORIGIN] + done * model.policies[whole[POLICY, j], STRIDE]
-        row[half + SEEN_X], row[half + SEEN_Z], row[half + SEEN_TURN] = real[X, j], real[Z, j], real[HEADING, j]
-        row[half + SEEN_FRAME] = frame
+        done = min(motion[j].phase, np.float64(actions[motion[j].action].length))
+        frame = actions[motion[j].action].origin + done * model.policies[avatars.policy[j]].stride
+        seen.x, seen.z, seen.turn, seen.frame = avatars.x[j], avatars.z[j], avatars.heading[j], frame
     else:
-        row[half + SEEN_FRAME] = -1.0
+        seen.frame = -1.0
 
 
 @kernel(inline=True)
 def judge(model, avatars, targets, now, i, thrown):
     """Return what becomes of a strike of avatar ``i``, and where it ends, blocked ones where they meet the arm."""
-    real, sizes = avatars.real, model.sizes
-    tolerance = sizes[avatars.whole[POLICY, i], TOLERANCE] * real[SCALE, i]
-    half = 4 * ((avatars.whole[DECISIONS, i] + (0 if thrown.old else 1)) & 1)
-    seen = avatars.seen[avatars.whole[NUMBER, i]]
-    x, z, turn, frame = (
-        seen[half + SEEN_X], seen[half + SEEN_Z], seen[half + SEEN_TURN], seen[half + SEEN_FRAME],
-    )  # fmt: skip
+    sizes = model.sizes
+    tolerance = sizes[avatars.policy[i]].tolerance * avatars.playback[i].scale
+    seen = avatars.seen[avatars.number[i], (avatars.fight[i].decisions + (0 if thrown.old else 1)) & 1]
+    x, z, turn, frame = seen.x, seen.z, seen.turn, seen.frame
     if thrown.opponent <= -2:
         before, after = targets[now.moment - 1, -2 - thrown.opponent], targets[now.moment, -2 - thrown.opponent]
         hx, hz = before[0] + thrown.share * (after[0] - before[0]), before[2] + thrown.share * (after[2] - before[2])
@@ -115,11 +80,11 @@ def judge(model, avatars, targets, now, i, thrown):
     j = np.int64(avatars.slot_of[thrown.opponent]) if thrown.opponent >= 0 else np.int64(now.present)
     if j >= now.present:
         return MISSED, thrown.point
-    whose, size = avatars.whole[POLICY, j], real[SCALE, j]
+    whose, size = avatars.policy[j], avatars.playback[j].scale
     # As far as a body reaches, and moves in a frame: most strikes that miss are not even near.
-    width = real[WIDTH, j]
-    far = max(size, width) * sizes[whose, REACH] + tolerance
-    if _is_near(thrown, real[X, j], real[Z, j], far + size * real[SPEED, j] * sizes[whose, PACE]):
+    width = avatars.motion[j].width
+    far = max(size, width) * sizes[whose].reach + tolerance
+    if _is_near(thrown, avatars.x[j], avatars.z[j], far + size * avatars.motion[j].speed * sizes[whose].pace):
         stands = standing(model, avatars, j, thrown.share)
         body = posed_body(model, stands)
         if _hits(thrown, body, tolerance):
@@ -151,11 +116,11 @@ def _hits(thrown, body, tolerance):
 @kernel(inline=True)
 def _under(model, avatars, i, x, y, z):
     """Return the body of a scripted target, as large as the avatar that strikes it."""
-    sizes, policy, scale = model.sizes, avatars.whole[POLICY, i], avatars.real[SCALE, i]
+    sizes, policy, scale = model.sizes, avatars.policy[i], avatars.playback[i].scale
     return PosedBody(
         (x, y, z),
-        (x, y - sizes[policy, NECK_DROP] * scale, z),
-        (x, y - sizes[policy, PELVIS_DROP] * scale, z),
-        sizes[policy, HEAD_RADIUS] * scale,
-        sizes[policy, TORSO_RADIUS] * scale,
+        (x, y - sizes[policy].neck_drop * scale, z),
+        (x, y - sizes[policy].pelvis_drop * scale, z),
+        sizes[policy].head_radius * scale,
+        sizes[policy].torso_radius * scale,
     )

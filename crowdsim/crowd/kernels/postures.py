@@ -4,30 +4,9 @@ from typing import NamedTuple
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.bodies import PosedBody
+from crowdsim.crowd.kernels.advance import base_before
 from crowdsim.crowd.kernels.interpolation import ground_at, point_at
-from crowdsim.crowd.kernels.layout import (
-    ACTION,
-    ACTION_BEFORE,
-    BASE_COS,
-    BASE_SIN,
-    BASE_TURN,
-    BASE_X,
-    BASE_Z,
-    HEAD,
-    HEAD_RADIUS,
-    LENGTH,
-    NECK,
-    ORIGIN,
-    PELVIS,
-    PHASE,
-    PHASE_BEFORE,
-    POLICY,
-    SCALE,
-    STRIDE,
-    TORSO_RADIUS,
-    WIDTH,
-)
-from crowdsim.crowd.kernels.motion import base_before
+from crowdsim.crowd.kernels.layout import HEAD, NECK, PELVIS
 from crowdsim.jit import kernel
 
 
@@ -58,27 +37,28 @@ class Standing(NamedTuple):
 @kernel(inline=True)
 def standing(model, avatars, j, share):
     """Return where an avatar is, interpolated by ``share`` between the frame before and this one."""
-    whole, real, actions = avatars.whole, avatars.real, model.actions
-    action, phase = whole[ACTION, j], min(real[PHASE, j], actions[whole[ACTION, j], LENGTH])
-    bx, bz, cos, sin = real[BASE_X, j], real[BASE_Z, j], real[BASE_COS, j], real[BASE_SIN, j]
-    turn = real[BASE_TURN, j]
-    if whole[ACTION_BEFORE, j] < 0:
-        phase = real[PHASE_BEFORE, j] + share * (phase - real[PHASE_BEFORE, j])
+    motion, playback = avatars.motion, avatars.playback
+    actions = model.actions
+    action, phase = motion[j].action, min(motion[j].phase, actions[motion[j].action].length)
+    bx, bz, cos, sin = playback[j].base_x, playback[j].base_z, playback[j].base_cos, playback[j].base_sin
+    turn = playback[j].base_turn
+    if playback[j].action_before < 0:
+        phase = playback[j].phase_before + share * (phase - playback[j].phase_before)
     else:
-        before = actions[whole[ACTION_BEFORE, j], LENGTH] - real[PHASE_BEFORE, j]
+        before = actions[playback[j].action_before].length - playback[j].phase_before
         moved = share * (before + phase)
         if moved < before:
-            action = whole[ACTION_BEFORE, j]
-            phase = real[PHASE_BEFORE, j] + moved
+            action = playback[j].action_before
+            phase = playback[j].phase_before + moved
             bx, bz, cos, sin, turn = base_before(model, avatars, j)
         else:
             phase = moved - before
-    frame = actions[action, ORIGIN] + phase * model.policies[whole[POLICY, j], STRIDE]
+    frame = actions[action].origin + phase * model.policies[avatars.policy[j]].stride
     gx, gz, heading = ground_at(model.ground, frame)
     x, z = bx + gx * cos + gz * sin, bz - gx * sin + gz * cos
-    size = real[SCALE, j]
+    size = playback[j].scale
     cos, sin = cos_sin(turn + heading)
-    return Standing(frame, x, z, size, cos * size, sin * size, whole[POLICY, j], real[WIDTH, j])
+    return Standing(frame, x, z, size, cos * size, sin * size, avatars.policy[j], motion[j].width)
 
 
 @kernel(inline=True)
@@ -89,6 +69,6 @@ def posed_body(model, stands):
         point_at(model.bodies, frame, HEAD, x, z, size, cos, sin),
         point_at(model.bodies, frame, NECK, x, z, size, cos, sin),
         point_at(model.bodies, frame, PELVIS, x, z, size, cos, sin),
-        model.sizes[policy, HEAD_RADIUS] * size,
-        model.sizes[policy, TORSO_RADIUS] * width,
+        model.sizes[policy].head_radius * size,
+        model.sizes[policy].torso_radius * width,
     )

@@ -2,22 +2,18 @@
 
 import math
 
-from crowdsim.crowd.kernels.layout import ACTION, ACTIONS, HEADING, LENGTH, NUMBER, OPPONENT, PHASE, POLICY, X, Z
 from crowdsim.jit import kernel
 
 
 @kernel(inline=True)
 def write_record(model, avatars, record, row, first, last):
     """Write what the take keeps of avatars ``first`` to ``last`` into a row of the record, by number."""
-    whole, real = avatars.whole, avatars.real
-    actions, policies = model.actions, model.policies
     for i in range(first, last):
-        n = whole[NUMBER, i]
-        action = whole[ACTION, i]
-        heading = real[HEADING, i]
-        record.whole[0, row, n] = action - policies[whole[POLICY, i], ACTIONS]
-        record.real[0, row, n] = min(real[PHASE, i], actions[action, LENGTH])
-        record.real[1, row, n] = real[X, i]
-        record.real[2, row, n] = real[Z, i]
-        record.real[3, row, n] = heading - 2.0 * math.pi * math.floor(heading / (2.0 * math.pi) + 0.5)
-        record.whole[1, row, n] = whole[OPPONENT, i]
+        n, motion = avatars.number[i], avatars.motion[i]
+        record.action[row, n] = motion.action - model.policies[avatars.policy[i]].actions
+        record.action_frame[row, n] = min(motion.phase, model.actions[motion.action].length)
+        record.x[row, n] = avatars.x[i]
+        record.z[row, n] = avatars.z[i]
+        heading = avatars.heading[i]
+        record.heading[row, n] = heading - 2.0 * math.pi * math.floor(heading / (2.0 * math.pi) + 0.5)
+        record.opponent[row, n] = avatars.opponent[i]

@@ -7,29 +7,7 @@ import math
 
 import numpy as np
 
-from crowdsim.crowd.kernels.layout import (
-    ACTION,
-    DOES_NEXT,
-    DROPS,
-    ENTER,
-    FIXED,
-    FOLLOWS,
-    HOLD,
-    LEAVE,
-    MODE,
-    NEXT,
-    NUMBER,
-    ONTO,
-    PIECE,
-    RESTS,
-    RISES,
-    RISING,
-    ROW,
-    SKIP,
-    STANDING,
-    TAKES,
-    TEAM,
-)
+from crowdsim.crowd.kernels.layout import DROPS, RESTS, RISING
 from crowdsim.crowd.kernels.walking import free_walk, sets_off
 from crowdsim.jit import kernel
 
@@ -42,39 +20,38 @@ def resting_action(model, avatars, world, now, own):
 
     An avatar that walks off comes to the end of that before it leaves the rest.
     """
-    row = avatars.conditions[avatars.whole[NUMBER, own]]
-    rests = row[DOES_NEXT] == RESTS
-    if row[PIECE] > 0.0:
-        piece = int(row[PIECE]) - 1
-        if not rests and model.rests[piece, LEAVE] >= 0:
-            row[PIECE] = 0.0
-            return np.int64(model.rests[piece, LEAVE])
+    row = avatars.conditions[avatars.number[own]]
+    rests = row.does_next == RESTS
+    if row.piece > 0.0:
+        piece = int(row.piece) - 1
+        if not rests and model.rests[piece].leave >= 0:
+            row.piece = 0.0
+            return np.int64(model.rests[piece].leave)
         walk = -1
-        alone = rests and row[MODE] != RESTS
+        alone = rests and row.mode != RESTS
         if alone and sets_off(model, avatars, world, own, piece) and not may_get_opponent(avatars, now, own):
             walk = free_walk(model, avatars, world, now, own, piece)
         if walk >= 0:
-            row[PIECE] = model.walks[walk, ONTO] + 1.0
-            return np.int64(model.walks[walk, TAKES])
-        following = model.rests[piece, FOLLOWS]
-        row[PIECE] = following + 1.0
-        return np.int64(model.rests[following, HOLD])
-    way = model.ways_to_rest[model.actions[avatars.whole[ACTION, own], NEXT]]
-    if not rests or way[ENTER] < 0:
+            row.piece = model.walks[walk].row + 1.0
+            return np.int64(model.walks[walk].action)
+        following = model.rests[piece].follows
+        row.piece = following + 1.0
+        return np.int64(model.rests[following].hold)
+    way = model.ways_to_rest[model.actions[avatars.motion[own].action].next]
+    if not rests or way.enter < 0:
         return np.int64(-1)
-    row[PIECE] = way[ROW] + 1.0
-    return np.int64(way[ENTER])
+    row.piece = way.row + 1.0
+    return np.int64(way.enter)
 
 
 @kernel(inline=True)
 def may_get_opponent(avatars, now, own):
     """Return whether an avatar that has no opponent may get one again: one that is down, but not out."""
-    whole = avatars.whole
-    skip, fixed = whole[SKIP, own], whole[FIXED, own]
+    skip, fixed = avatars.skip[own], avatars.fixed[own]
     if skip == -2:
         return fixed >= 0 and avatars.slot_of[fixed] < now.present and comes_back(avatars, avatars.slot_of[fixed])
     for j in range(now.present):
-        if j != own and whole[TEAM, j] < 0 and -2 - whole[TEAM, j] != skip and comes_back(avatars, j):
+        if j != own and avatars.team[j] < 0 and -2 - avatars.team[j] != skip and comes_back(avatars, j):
             return True
     return False
 
@@ -82,5 +59,5 @@ def may_get_opponent(avatars, now, own):
 @kernel(inline=True)
 def comes_back(avatars, j):
     """Return whether an avatar that is down will get up again, or may."""
-    row = avatars.conditions[avatars.whole[NUMBER, j]]
-    return row[STANDING] == DROPS or (row[STANDING] <= RISING and row[RISES] < math.inf)
+    row = avatars.conditions[avatars.number[j]]
+    return row.standing == DROPS or (row.standing <= RISING and row.rises < math.inf)

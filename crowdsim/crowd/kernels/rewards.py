@@ -6,25 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowdsim.core.exponentials import exponential
-from crowdsim.crowd.kernels.layout import (
-    COST,
-    FIST_X,
-    FIST_Y,
-    FIST_Z,
-    FROM_X,
-    FROM_Z,
-    LANES,
-    LENGTH,
-    OWNER,
-    PATH_COS,
-    PATH_SIN,
-    PATH_TIME,
-    PATH_X,
-    PATH_Z,
-    PATHS,
-    STRIKES,
-    TIME,
-)
+from crowdsim.crowd.kernels.layout import LANES
 from crowdsim.crowd.kernels.tables import whole_lanes
 from crowdsim.jit import kernel
 from crowdsim.policy.terms.registry import ONCE, STRIKE, for_frame_terms
@@ -56,7 +38,7 @@ def add_terms(model, b, options, target, factor, scratch):
             add_strikes(model, row, options, target, factor, scratch.rows)
             row += 1
         elif kind == ONCE:
-            row += 1  # part of ``Model.moves``
+            row += 1  # part of ``Model.prices``
         else:
             row = _add_along_paths(model, b, row, last, options, target, factor, scratch.rows)
 
@@ -68,17 +50,17 @@ def add_strikes(model, row, options, target, factor, rows):
     column, greatest, surface = term.column, term.greatest != 0.0, read_surface(term)
     for k in range(n):
         rows[k] = 0.0
-    begun, end = model.actions[options.offset, STRIKES], model.actions[options.offset + n, STRIKES]
+    begun, end = model.actions[options.offset].strikes, model.actions[options.offset + n].strikes
     # No branch, since whether a strike lands cannot be predicted.
     for k in range(np.uint64(begun), np.uint64(end)):
-        fist = strikes[k, FIST_X], strikes[k, FIST_Y], strikes[k, FIST_Z]
-        t = min(np.float64(strikes[k, TIME]), target.lasts)
+        fist = strikes[k].x, strikes[k].y, strikes[k].z
+        t = min(np.float64(strikes[k].time), target.lasts)
         head = target.x + t * target.vx, target.y, target.z + t * target.vz
-        action = np.uint64(strikes[k, OWNER])
-        landed = lands(fist, (strikes[k, FROM_X], strikes[k, FROM_Z]), head, surface)
-        earned = strikes[k, column] * np.float64(landed)
+        action = np.uint64(strikes[k].owner)
+        landed = lands(fist, (strikes[k].from_x, strikes[k].from_z), head, surface)
+        earned = model.earnings[k, column] * np.float64(landed)
         rows[action] = max(rows[action], earned) if greatest else rows[action] + earned
-        out[action] -= factor * strikes[k, column + 1] * np.float64(is_wasted(fist, head, term))
+        out[action] -= factor * model.earnings[k, column + 1] * np.float64(is_wasted(fist, head, term))
     factor *= term.weight
     for k in range(n):
         out[k] += factor * rows[k]
@@ -93,11 +75,9 @@ def _build_frames(name, read, gap):
         facing_sin, facing_cos = math.sin(target.heading), math.cos(target.heading)
         for k in range(count):
             row = np.uint64(first + k)
-            t = min(np.float64(paths[PATH_TIME, row]), lasts)
-            dx, dz = x + t * vx - paths[PATH_X, row], z + t * vz - paths[PATH_Z, row]
-            seen = Seen(
-                dx, dz, np.float64(paths[PATH_SIN, row]), np.float64(paths[PATH_COS, row]), facing_sin, facing_cos
-            )
+            t = min(np.float64(paths.time[row]), lasts)
+            dx, dz = x + t * vx - paths.x[row], z + t * vz - paths.z[row]
+            seen = Seen(dx, dz, np.float64(paths.sin[row]), np.float64(paths.cos[row]), facing_sin, facing_cos)
             out[k] += weight * exponential(-gap(seen, wanted))
 
     return kernel(add, inline=True, name=f"add_rows_of_{name}")
@@ -140,7 +120,7 @@ def _add_along_paths(model, b, row, last, options, target, factor, rows):
     These are the one in ``row`` and those behind it, before ``last``, if their frames add up: one sum.
     """
     actions, terms, discounts, offset, n = model.actions, model.terms, model.discounts, options.offset, options.n
-    begun, end = actions[offset, PATHS], actions[offset + n, PATHS]
+    begun, end = actions[offset].paths, actions[offset + n].paths
     greatest, count = terms[row].greatest != 0.0, whole_lanes(end - begun)
     for k in range(count):
         rows[k] = 0.0
@@ -154,7 +134,7 @@ def _add_along_paths(model, b, row, last, options, target, factor, rows):
     at = 0
     for k in range(n):
         # Rows of the next action count for nothing: whole lanes leave the number of rounds predictable.
-        length = actions[offset + k, LENGTH]
+        length = actions[offset + k].length
         near = 0.0
         for t in range(0, length, LANES):
             near = _fold(rows, np.uint64(at + t), discounts[b, length], np.uint64(t), near, greatest)
@@ -176,7 +156,7 @@ def count_price_once(model, shares, begun, end, options):
     if priced < 2:
         return
     for k in range(options.n):
-        cost = np.float64(model.moves[np.uint64(options.offset + k), COST])
+        cost = np.float64(model.moves[np.uint64(options.offset + k)].cost)
         if cost > 0.0:
             total, most = 0.0, 0.0
             for b in range(begun, end):

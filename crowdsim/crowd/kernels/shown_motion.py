@@ -11,20 +11,7 @@ import math
 
 import numpy as np
 
-from crowdsim.crowd.kernels.layout import (
-    DECISIONS,
-    LENGTH,
-    NEXT,
-    NUMBER,
-    SPEED,
-    STRIKES,
-    THROWN,
-    THROWN_UNTIL,
-    VARIETY,
-    X,
-    Z,
-)
-from crowdsim.crowd.kernels.prefetch import ask_for
+from crowdsim.crowd.kernels.prefetch import prefetch
 from crowdsim.jit import kernel
 
 LATEST = 16  # how many of an avatar's own latest actions are known
@@ -37,37 +24,38 @@ def is_varied(world):
     """Return whether any avatar cares for variety."""
     varied = False
     for cohort in range(world.cohorts.shape[0]):
-        varied |= world.cohorts[cohort, VARIETY] > 0.0
+        varied |= world.cohorts[cohort].variety > 0.0
     return varied
 
 
 @kernel(inline=True)
 def note_shown(model, avatars, frame, i, action):
     """Note the motion of an action that an avatar starts, and its strikes."""
-    whole, actions = avatars.whole, model.actions
-    state, number = np.int64(model.twins[actions[action, NEXT]]), whole[NUMBER, i]
+    fight = avatars.fight
+    actions = model.actions
+    state, number = np.int64(model.twins[actions[action].next]), avatars.number[i]
     mask = avatars.marks.shape[0] - 1
     for corner in range(4):
-        cell = cell_at(avatars.real, i, (corner & 1) - 0.5, (corner >> 1) - 0.5)
+        cell = cell_at(avatars, i, (corner & 1) - 0.5, (corner >> 1) - 0.5)
         avatars.marks[(cell + state) & mask] = frame & FRAMES
-    avatars.shown[number, whole[DECISIONS, i] & (LATEST - 1)] = state & FRAMES
-    if actions[action + 1, STRIKES] > actions[action, STRIKES]:
-        whole[THROWN, i] = state
-        whole[THROWN_UNTIL, i] = frame + np.int64(actions[action, LENGTH] / avatars.real[SPEED, i])
+    avatars.shown[number, fight[i].decisions & (LATEST - 1)] = state & FRAMES
+    if actions[action + 1].strikes > actions[action].strikes:
+        fight[i].thrown = state
+        fight[i].thrown_until = frame + np.int64(actions[action].length / avatars.motion[i].speed)
 
 
 @kernel(inline=True)
-def ask_for_marks(model, avatars, i, action):
-    """Ask memory for where ``note_shown`` will write."""
-    state, number = np.int64(model.twins[model.actions[action, NEXT]]), np.int64(avatars.whole[NUMBER, i])
-    ask_for(avatars.shown, LATEST * number + (avatars.whole[DECISIONS, i] & (LATEST - 1)))
+def prefetch_marks(model, avatars, i, action):
+    """Prefetch where ``note_shown`` will write."""
+    state, number = np.int64(model.twins[model.actions[action].next]), np.int64(avatars.number[i])
+    prefetch(avatars.shown, number)
     for corner in range(4):
-        cell = cell_at(avatars.real, i, (corner & 1) - 0.5, (corner >> 1) - 0.5)
-        ask_for(avatars.marks, (cell + state) & (avatars.marks.shape[0] - 1))
+        cell = cell_at(avatars, i, (corner & 1) - 0.5, (corner >> 1) - 0.5)
+        prefetch(avatars.marks, (cell + state) & (avatars.marks.shape[0] - 1))
 
 
 @kernel(inline=True)
-def cell_at(real, i, aside, onwards):
+def cell_at(avatars, i, aside, onwards):
     """Return where the marks of the cell begin that an avatar is in, or that so many sides of a cell from it."""
-    column, row = math.floor(real[X, i] / CELL + aside), math.floor(real[Z, i] / CELL + onwards)
+    column, row = math.floor(avatars.x[i] / CELL + aside), math.floor(avatars.z[i] / CELL + onwards)
     return np.int64(column) * 73856093 ^ np.int64(row) * 19349663

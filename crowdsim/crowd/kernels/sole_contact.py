@@ -3,33 +3,13 @@
 import math
 
 from crowdsim.core.segments import square_between
-from crowdsim.crowd.kernels.layout import (
-    FALL,
-    HEADING,
-    LENGTH,
-    NUMBER,
-    ORIGIN,
-    PATH_COS,
-    PATH_SIN,
-    PATH_X,
-    PATH_Z,
-    PATHS,
-    POLICY,
-    RISING,
-    SCALE,
-    STANDING,
-    STRIDE,
-    X,
-    Z,
-)
+from crowdsim.crowd.kernels.layout import BALL, HEEL, LEFT, RIGHT, RISING
 from crowdsim.crowd.kernels.lying import floor_transform, placed, seen_from
 from crowdsim.jit import kernel
 
 CLEAR, BESIDE = 0.03, 0.27  # how far from bodies soles should be on their way, and where an action ends [m]
 STEPS_ON = 0.8  # what a control frame costs in which a sole comes onto a body, over ending with a sole at its surface
 NEARER = 0.005  # how much nearer than at the start of the action a sole has to be for that [m]
-LEFT, RIGHT = 0, 6  # columns of ``Model.soles``
-RADIUS, BOUND = 6, 7  # columns of ``Model.fall_capsules``
 
 
 @kernel
@@ -39,23 +19,25 @@ def treads_on(model, avatars, own, action, j):
     A sole that ends ``BESIDE`` away counts nothing, one inside the body more. To this comes ``STEPS_ON`` for every
     control frame in which a sole is nearer than ``CLEAR``, and nearer than it was. Bodies that get up do not count.
     """
-    real, actions, paths = avatars.real, model.actions, model.paths
-    row = avatars.conditions[avatars.whole[NUMBER, j]]
-    if row[STANDING] == RISING:
+    actions, paths = model.actions, model.paths
+    row = avatars.conditions[avatars.number[j]]
+    if row.standing == RISING:
         return 0.0
-    capsules, unit = model.fall_capsules[int(row[FALL])], real[SCALE, j]
+    capsules, unit = model.fall_capsules[int(row.fall)], avatars.playback[j].scale
     px, pz, turn = floor_transform(model, avatars, j)
-    stands = seen_from((px, pz, turn, unit), (real[X, own], real[Z, own], real[HEADING, own], real[SCALE, own]))
+    stands = seen_from(
+        (px, pz, turn, unit), (avatars.x[own], avatars.z[own], avatars.heading[own], avatars.playback[own].scale)
+    )
     x, z, cos, sin, size = stands
-    length, path, origin = actions[action, LENGTH], actions[action, PATHS], actions[action, ORIGIN]
-    stride = model.policies[avatars.whole[POLICY, own], STRIDE]
+    length, path, origin = actions[action].length, actions[action].paths, actions[action].origin
+    stride = model.policies[avatars.policy[own]].stride
     beside, clear = BESIDE / unit, CLEAR / unit
     left = min(sole_gap(model.soles, capsules, origin, LEFT, stands, beside) - NEARER / unit, clear)
     right = min(sole_gap(model.soles, capsules, origin, RIGHT, stands, beside) - NEARER / unit, clear)
     steps, gap, other = 0, beside, beside
     for t in range(length):
-        dx, dz = paths[PATH_X, path + t], paths[PATH_Z, path + t]
-        turned, aside = paths[PATH_COS, path + t], paths[PATH_SIN, path + t]
+        dx, dz = paths.x[path + t], paths.z[path + t]
+        turned, aside = paths.cos[path + t], paths.sin[path + t]
         then_cos, then_sin = cos * turned - sin * aside, sin * turned + cos * aside
         stands = (x + dx * cos + dz * sin, z + dz * cos - dx * sin, then_cos, then_sin, size)
         frame = origin + (t + 1) * stride
@@ -71,21 +53,22 @@ def sole_gap(soles, capsules, frame, sole, stands, most):
 
     It is negative inside them. ``stands`` is what ``lying.seen_from`` returns.
     """
-    heel, ball = _sole_point(soles, frame, sole, stands), _sole_point(soles, frame, sole + 3, stands)
+    heel, ball = _sole_point(soles, frame, sole, HEEL, stands), _sole_point(soles, frame, sole, BALL, stands)
     x, y, z = 0.5 * (heel[0] + ball[0]), 0.5 * (heel[1] + ball[1]), 0.5 * (heel[2] + ball[2])
     half = math.sqrt((ball[0] - x) ** 2 + (ball[1] - y) ** 2 + (ball[2] - z) ** 2)
     gap = most
     for k in range(capsules.shape[0]):
-        row = capsules[k]
-        dx, dy, dz = 0.5 * (row[0] + row[3]) - x, 0.5 * (row[1] + row[4]) - y, 0.5 * (row[2] + row[5]) - z
-        reach = row[BOUND] + half + gap
+        capsule = capsules[k]
+        dx, dy = 0.5 * (capsule.x + capsule.to_x) - x, 0.5 * (capsule.y + capsule.to_y) - y
+        dz = 0.5 * (capsule.z + capsule.to_z) - z
+        reach = capsule.bound + half + gap
         if dx * dx + dy * dy + dz * dz < reach * reach:
-            start, end = (row[0], row[1], row[2]), (row[3], row[4], row[5])
-            gap = min(gap, math.sqrt(square_between(heel, ball, start, end)) - row[RADIUS])
+            start, end = (capsule.x, capsule.y, capsule.z), (capsule.to_x, capsule.to_y, capsule.to_z)
+            gap = min(gap, math.sqrt(square_between(heel, ball, start, end)) - capsule.radius)
     return gap
 
 
 @kernel(inline=True)
-def _sole_point(soles, frame, column, stands):
+def _sole_point(soles, frame, sole, end, stands):
     """Return heel or ball of a sole of an avatar that stands somewhere."""
-    return placed(soles[frame, column], soles[frame, column + 1], soles[frame, column + 2], stands)
+    return placed(soles[frame, sole, end, 0], soles[frame, sole, end, 1], soles[frame, sole, end, 2], stands)

@@ -8,29 +8,9 @@ import numpy as np
 from crowdsim.core.angles import bearings
 from crowdsim.crowd.kernels.layout import (
     BEARING,
-    BEHAVIOURS,
     BLOCK,
     DISTANCE,
-    FACING,
-    FARTHEST,
     HEIGHT,
-    LASTS,
-    LATER,
-    LENGTH,
-    MOVE_COS,
-    MOVE_SIN,
-    MOVE_X,
-    MOVE_Z,
-    MOVING_X,
-    MOVING_Z,
-    NEXT,
-    PATHS,
-    SOON,
-    STRIKES,
-    TARGET_X,
-    TARGET_Y,
-    TARGET_Z,
-    TRANSITION,
     WORK_BEARING,
     WORK_DISTANCE,
     WORK_SHARES,
@@ -38,7 +18,7 @@ from crowdsim.crowd.kernels.layout import (
     WORK_X,
     WORK_Z,
 )
-from crowdsim.crowd.kernels.prefetch import ask_for
+from crowdsim.crowd.kernels.prefetch import prefetch
 from crowdsim.crowd.kernels.rewards import Options, add_terms, count_price_once
 from crowdsim.crowd.kernels.tables import Cell, add_rows, fade, interpolate, locate, locate_ends, whole_lanes
 from crowdsim.jit import kernel
@@ -71,10 +51,9 @@ class Target(NamedTuple):
 def value_actions(model, weights, scratch, first, last):
     """Write into ``scratch.values`` what each action of a state is worth in the situations ``order[first:last]``.
 
-    A situation is the position of the target's head in the avatar's ground frame, for a body of scale 1: x, y, z [m];
-    how far it moves over the ground in a frame of motion, along x and z [m], and for how many; then a state, a row of
-    ``weights``, which are those of the behaviours, and a policy, all in ``scratch``. ``BLOCK`` of them are evaluated at
-    a time: what they read lies anywhere in memory, and one waits for it while others are worked on.
+    A situation (``records.SITUATION``) goes with a state, a row of ``weights``, which are those of the behaviours, and
+    a policy, all in ``scratch``. ``BLOCK`` of them are evaluated at a time: what they read lies anywhere in memory, and
+    one waits for it while others are worked on.
     """
     whose = scratch.policies
     while first < last:
@@ -90,7 +69,7 @@ def value_actions(model, weights, scratch, first, last):
 def _value_block(model, weights, scratch, first, count, policy):
     """Do what ``value_actions`` does for ``count`` situations of one policy, which share a block of scratch space."""
     work = scratch.work
-    begun, end = model.policies[policy, BEHAVIOURS], model.policies[policy + 1, BEHAVIOURS]
+    begun, end = model.policies[policy].behaviours, model.policies[policy + 1].behaviours
     slots = end - begun
     pairs = _prepare(model, weights, scratch, first, count, policy)
     if pairs > 0:
@@ -129,11 +108,8 @@ def _value_block(model, weights, scratch, first, count, policy):
 @kernel(inline=True)
 def _target_of(scratch, q):
     """Return the target of a situation."""
-    found = scratch.situations
-    return Target(
-        found[q, TARGET_X], found[q, TARGET_Y], found[q, TARGET_Z], found[q, MOVING_X], found[q, MOVING_Z],
-        found[q, LASTS], found[q, FACING],
-    )  # fmt: skip
+    found = scratch.situations[q]
+    return Target(found.x, found.y, found.z, found.vx, found.vz, found.lasts, found.heading)
 
 
 @kernel(inline=True)
@@ -154,10 +130,10 @@ def _prepare(model, weights, scratch, first, count, policy):
         n = model.offsets[state + 1] - offset
         for k in range(whole_lanes(n)):
             scratch.values[q, k] = 0.0
-        distance = _pull_in(scratch, q, model.sizes[policy, FARTHEST])
+        distance = _pull_in(scratch, q, model.sizes[policy].farthest)
         if _find_cells(model, weights, scratch, q, d, policy, distance):
-            _ask_for_ways(model, offset, n)
-            _see_ends(model, offset, n, _target_of(scratch, q), model.sizes[policy, LATER], pairs, scratch.work)
+            _prefetch_ways(model, offset, n)
+            _see_ends(model, offset, n, _target_of(scratch, q), model.sizes[policy].later, pairs, scratch.work)
             pairs += n
             scratch.begins[d + 1] = pairs
     return pairs
@@ -169,10 +145,10 @@ def _pull_in(scratch, q, farthest):
 
     Beyond the end of all grids all positions have one value, so that nothing would draw the avatar to the target.
     """
-    x, z = scratch.situations[q, TARGET_X], scratch.situations[q, TARGET_Z]
+    x, z = scratch.situations[q].x, scratch.situations[q].z
     distance = math.sqrt(x * x + z * z)
     if distance > farthest:
-        scratch.situations[q, TARGET_X], scratch.situations[q, TARGET_Z] = (
+        scratch.situations[q].x, scratch.situations[q].z = (
             x * farthest / distance,
             z * farthest / distance,
         )
@@ -187,9 +163,9 @@ def _find_cells(model, weights, scratch, q, d, policy, distance):
     Returns whether a behaviour that counts looks ahead along actions.
     """
     behaviours, grids, target = model.behaviours, model.grids, _target_of(scratch, q)
-    begun, end = model.policies[policy, BEHAVIOURS], model.policies[policy + 1, BEHAVIOURS]
+    begun, end = model.policies[policy].behaviours, model.policies[policy + 1].behaviours
     # Tables of Q-values hold targets at rest only: they are read at the position of the target half an action later.
-    t = min(model.sizes[policy, SOON], target.lasts)
+    t = min(model.sizes[policy].soon, target.lasts)
     soon_x, soon_z = target.x + t * target.vx, target.z + t * target.vz
     ahead = False
     for b in range(begun, end):
@@ -228,23 +204,22 @@ def _find_rows(model, b, state, scratch, spot, cell, x, z):
     near_step, aside_step = near_step * n, aside_step * n
     scratch.spots[spot, 0], scratch.spots[spot, 1], scratch.spots[spot, 2] = at, near_step, aside_step
     scratch.spots[spot, 3] *= n
-    ask_for(model.table, at)
-    ask_for(model.table, at + near_step)
-    ask_for(model.table, at + aside_step)
-    ask_for(model.table, at + near_step + aside_step)
+    prefetch(model.table, at)
+    prefetch(model.table, at + near_step)
+    prefetch(model.table, at + aside_step)
+    prefetch(model.table, at + near_step + aside_step)
 
 
 @kernel(inline=True)
-def _ask_for_ways(model, offset, n):
-    """Ask memory for paths and strikes of ``n`` actions."""
-    first_row, last_row = model.actions[offset, PATHS], model.actions[offset + n, PATHS]
+def _prefetch_ways(model, offset, n):
+    """Prefetch paths and strikes of ``n`` actions."""
+    first_row, last_row = model.actions[offset].paths, model.actions[offset + n].paths
     for row in range(first_row, last_row + 15, 16):
-        ask_for(model.paths, row)
-        ask_for(model.paths, row + model.paths.shape[1])
-    first_row, last_row = model.actions[offset, STRIKES], model.actions[offset + n, STRIKES]
-    width = model.strikes.shape[1]
-    for entry in range(first_row * width, last_row * width + 15, 16):
-        ask_for(model.strikes, entry)
+        prefetch(model.paths.x, row)
+        prefetch(model.paths.z, row)
+    for strike in range(model.actions[offset].strikes, model.actions[offset + n].strikes):
+        prefetch(model.strikes, strike)
+        prefetch(model.earnings, strike)
 
 
 @kernel(inline=True)
@@ -258,13 +233,13 @@ def _see_ends(model, offset, n, target, lead, first, work):
     x, z, vx, vz, lasts = target.x, target.z, target.vx, target.vz, target.lasts
     for k in range(n):
         action, at = np.uint64(offset + k), np.uint64(first + k)
-        t = min(np.float64(actions[action, LENGTH]) + lead, lasts)
-        dx, dz = x + t * vx - moves[action, MOVE_X], z + t * vz - moves[action, MOVE_Z]
-        cos, sin = moves[action, MOVE_COS], moves[action, MOVE_SIN]
+        t = min(np.float64(actions[action].length) + lead, lasts)
+        dx, dz = x + t * vx - moves[action].x, z + t * vz - moves[action].z
+        cos, sin = moves[action].cos, moves[action].sin
         later_x, later_z = dx * cos - dz * sin, dx * sin + dz * cos
         work[WORK_X, at], work[WORK_Z, at] = later_x, later_z
         work[WORK_DISTANCE, at] = math.sqrt(later_x * later_x + later_z * later_z)
-        work[WORK_STATE, at] = actions[action, NEXT]
+        work[WORK_STATE, at] = actions[action].next
 
 
 @kernel(inline=True)
@@ -285,8 +260,8 @@ def _look_ahead(model, b, slot, slots, scratch, count, pairs):
         if scratch.parts[d * slots + slot, 3] != 0.0:
             at = scratch.spots[d * slots + slot, 0]
             for k in range(scratch.begins[d], scratch.begins[d + 1]):
-                ask_for(model.table, at + int(cells[k]))
-                ask_for(model.table, at + int(cells[k]) + near)
+                prefetch(model.table, at + int(cells[k]))
+                prefetch(model.table, at + int(cells[k]) + near)
     return near
 
 
@@ -315,8 +290,8 @@ def _add_end_values(model, b, slot, options, spot, begin, factor, scratch):
         pair, action = np.uint64(begin + k), np.uint64(offset + k)
         cell = Cell(at + np.int64(cells[pair]), near, np.int64(steps[pair]), above, parts[pair], turns[pair], raised)
         value = interpolate(table, cell)
-        value = (low + step * value) * discounts[np.uint64(model.actions[action, LENGTH])]
-        out[np.uint64(k)] += factor * (value - model.moves[action, TRANSITION + slot])
+        value = (low + step * value) * discounts[np.uint64(model.actions[action].length)]
+        out[np.uint64(k)] += factor * (value - model.prices[action, slot])
 
 
 @kernel(inline=True)
@@ -354,7 +329,7 @@ def _add_end_values_of_layers(model, b, slot, options, spot, begin, target, fact
     parts, turns = scratch.work[WORK_SHARES + 2 * slot], scratch.work[WORK_SHARES + 1 + 2 * slot]
     for k in range(options.n):
         pair, action = np.uint64(begin + k), np.uint64(options.offset + k)
-        heading = target.heading - math.atan2(moves[action, MOVE_SIN], moves[action, MOVE_COS])
+        heading = target.heading - math.atan2(moves[action].sin, moves[action].cos)
         seen = Target(target.x, target.y, target.z, target.vx, target.vz, target.lasts, heading)
         value = 0.0
         for corner in range(1 << (model.grids.shape[1] - HEIGHT)):
@@ -363,5 +338,5 @@ def _add_end_values_of_layers(model, b, slot, options, spot, begin, target, fact
                 start = at + layer + np.int64(cells[pair])
                 cell = Cell(start, near, np.int64(steps[pair]), 0, parts[pair], turns[pair], 0.0)
                 value += weight * interpolate(model.table, cell)
-        value = (behaviour.low + behaviour.step * value) * model.discounts[b, 0, model.actions[action, LENGTH]]
-        options.values[np.uint64(k)] += factor * (value - moves[action, TRANSITION + slot])
+        value = (behaviour.low + behaviour.step * value) * model.discounts[b, 0, model.actions[action].length]
+        options.values[np.uint64(k)] += factor * (value - model.prices[action, slot])

@@ -5,31 +5,7 @@ import numpy as np
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.random import uniform
 from crowdsim.crowd.kernels.arena import outside
-from crowdsim.crowd.kernels.layout import (
-    ACTION,
-    CHOICE_STREAM,
-    DECISIONS,
-    DOES,
-    END_X,
-    END_Z,
-    FIRST_WALK,
-    HALT_X,
-    HALT_Z,
-    HEADING,
-    LAST_WALK,
-    LENGTH,
-    MODE,
-    NUMBER,
-    PHASE,
-    POINTS_OF_WALK,
-    RESTS,
-    SCALE,
-    TEAM,
-    WAY,
-    Axis,
-    X,
-    Z,
-)
+from crowdsim.crowd.kernels.layout import RESTS, Axis
 from crowdsim.crowd.kernels.lying import axis_of, from_axis, is_on_floor
 from crowdsim.jit import kernel
 
@@ -41,7 +17,7 @@ NEARER = 0.1  # how much nearer it may come to a body beside which it begins [m]
 @kernel(inline=True)
 def sets_off(model, avatars, world, own, piece):
     """Return whether walks begin at the end of a piece, and the avatar draws that it takes one."""
-    return model.rests[piece, FIRST_WALK] < model.rests[piece, LAST_WALK] and _drawn(avatars, world, own) < SETS_OFF
+    return model.rests[piece].first_walk < model.rests[piece].end_walk and _drawn(avatars, world, own) < SETS_OFF
 
 
 @kernel(inline=True)
@@ -50,7 +26,7 @@ def free_walk(model, avatars, world, now, own, piece):
 
     Of several that are free it is the first one from a drawn one on.
     """
-    first, last = model.rests[piece, FIRST_WALK], model.rests[piece, LAST_WALK]
+    first, last = model.rests[piece].first_walk, model.rests[piece].end_walk
     count = last - first
     start = int(_drawn(avatars, world, own) / SETS_OFF * count)
     for k in range(count):
@@ -63,8 +39,7 @@ def free_walk(model, avatars, world, now, own, piece):
 @kernel(inline=True)
 def _drawn(avatars, world, i):
     """Return an avatar's draw of this decision."""
-    whole = avatars.whole
-    return uniform(world.stream[CHOICE_STREAM], np.int64(whole[NUMBER, i]), np.int64(whole[DECISIONS, i]))
+    return uniform(world.streams.choice, np.int64(avatars.number[i]), np.int64(avatars.fight[i].decisions))
 
 
 @kernel
@@ -74,32 +49,32 @@ def is_free(model, avatars, world, now, own, walk):
     From a body on the floor that is nearer at the start it only leads away.
     Where an avatar of a lower number that is near may set off in the same frame, no way is free.
     """
-    whole, real, points = avatars.whole, avatars.real, model.walks[walk, POINTS_OF_WALK:]
-    x, z, size = real[X, own], real[Z, own], real[SCALE, own]
-    cos, sin = cos_sin(real[HEADING, own])
+    motion, points = avatars.motion, model.walk_points[walk]
+    x, z, size = avatars.x[own], avatars.z[own], avatars.playback[own].scale
+    cos, sin = cos_sin(avatars.heading[own])
     cos, sin = cos * size, sin * size
-    count = points.shape[0] // 2
+    count = points.shape[0]
     for k in range(count):
-        px, pz = points[2 * k], points[2 * k + 1]
+        px, pz = points[k, 0], points[k, 1]
         if outside(world.arena, x + px * cos + pz * sin, z + pz * cos - px * sin) > 0.0:
             return False
-    reach = model.walks[walk, WAY] * size + CLEAR
+    reach = model.walks[walk].reach * size + CLEAR
     for j in range(now.present):
         if j == own:
             continue
         clear = CLEAR
-        if whole[TEAM, j] < 0 and is_on_floor(avatars, j):
+        if avatars.team[j] < 0 and is_on_floor(avatars, j):
             here = axis_of(model, avatars, j)
             then, clear = here, min(BESIDE, from_axis(here, x, z) - NEARER)
         else:
-            here = Axis(real[X, j], real[Z, j], real[END_X, j], real[END_Z, j])
-            then = Axis(real[END_X, j], real[END_Z, j], real[HALT_X, j], real[HALT_Z, j])
+            here = Axis(avatars.x[j], avatars.z[j], motion[j].end_x, motion[j].end_z)
+            then = Axis(motion[j].end_x, motion[j].end_z, motion[j].halt_x, motion[j].halt_z)
             if _may_go_first(model, avatars, world, own, j, 2.0 * reach):
                 return False
         if min(from_axis(here, x, z), from_axis(then, x, z)) > reach:
             continue
         for k in range(count):
-            px, pz = points[2 * k], points[2 * k + 1]
+            px, pz = points[k, 0], points[k, 1]
             wx, wz = x + px * cos + pz * sin, z + pz * cos - px * sin
             if min(from_axis(here, wx, wz), from_axis(then, wx, wz)) < clear:
                 return False
@@ -112,11 +87,11 @@ def _may_go_first(model, avatars, world, own, j, reach):
 
     What it has decided in this frame is not read: others may be deciding at the same time.
     """
-    whole, real = avatars.whole, avatars.real
-    if whole[NUMBER, j] > whole[NUMBER, own] or real[PHASE, j] < model.actions[whole[ACTION, j], LENGTH]:
+    other = avatars.motion[j]
+    if avatars.number[j] > avatars.number[own] or other.phase < model.actions[other.action].length:
         return False
-    row = avatars.conditions[whole[NUMBER, j]]
-    if row[DOES] != RESTS or row[MODE] == RESTS or _drawn(avatars, world, j) >= SETS_OFF:
+    row = avatars.conditions[avatars.number[j]]
+    if row.does != RESTS or row.mode == RESTS or _drawn(avatars, world, j) >= SETS_OFF:
         return False
-    dx, dz = real[X, j] - real[X, own], real[Z, j] - real[Z, own]
+    dx, dz = avatars.x[j] - avatars.x[own], avatars.z[j] - avatars.z[own]
     return dx * dx + dz * dz < reach * reach

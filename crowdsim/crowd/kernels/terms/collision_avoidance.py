@@ -4,46 +4,14 @@ And what actions are worth more that step back after a strong hit.
 """
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.crowd.kernels.arena import may_leave, outside
 from crowdsim.crowd.kernels.intents import NEARBY
-from crowdsim.crowd.kernels.layout import (
-    ACTION,
-    BACK,
-    DISC,
-    END_COST,
-    END_X,
-    END_Z,
-    GAP,
-    HALT_X,
-    HALT_Z,
-    HEADING,
-    HIT_FRAME,
-    HIT_X,
-    HIT_Z,
-    LENGTH,
-    MOVE_X,
-    MOVE_Z,
-    NEXT,
-    NEXT_OPPONENT,
-    NUMBER,
-    OPPONENT,
-    OUTSIDE_COST,
-    PATH_COST,
-    PHASE,
-    POLICY,
-    SCALE,
-    SPACE,
-    SPEED,
-    TEAM,
-    WIDTH,
-    Axis,
-    X,
-    Z,
-)
+from crowdsim.crowd.kernels.layout import Axis
 from crowdsim.crowd.kernels.lying import axis_of, from_axis, is_on_floor
 from crowdsim.crowd.kernels.sole_contact import treads_on
 from crowdsim.crowd.kernels.tables import whole_lanes
@@ -61,130 +29,153 @@ BYSTANDERS = 0.66  # how much of the gap and of the cost counts for those whom a
 STAGGER, STEP = 8, 0.3  # for how long a strong hit counts [control frames], and how long a step back should be [m]
 
 
+class Ends(NamedTuple):
+    """Where each of an avatar's next actions ends, seen from it, padded to whole lanes.
+
+    Attributes:
+        x: Position [m].
+        z: Likewise.
+        frames: Control frames until then.
+        cost: What neighbours and the arena make it cost so far.
+        halt_x: Where the body can halt after it [m].
+        halt_z: Likewise.
+        lanes: Number of entries.
+    """
+
+    x: Any
+    z: Any
+    frames: Any
+    cost: Any
+    halt_x: Any
+    halt_z: Any
+    lanes: Any
+
+
 @kernel(inline=True)
 def avoid_collisions(model, avatars, world, now, own, observed, q, scratch):
     """Lower the values of actions that end, or pass, inside a neighbour or outside the arena; or do not step back."""
-    whole, real, work = avatars.whole, avatars.real, scratch.work
-    worst = work[3]
-    state = model.actions[whole[ACTION, own], NEXT]
-    furthest = model.reaches[state] * real[SCALE, own] + 1e-6  # moves are single numbers
+    state = model.actions[avatars.motion[own].action].next
+    furthest = model.reaches[state] * avatars.playback[own].scale + 1e-6  # moves are single numbers
     close = 0
-    if world.crowding[END_COST] > 0.0 or world.crowding[PATH_COST] > 0.0:
+    if world.crowding.end_cost > 0.0 or world.crowding.path_cost > 0.0:
         close = _list_close(model, avatars, world.crowding, own, observed, q, furthest, scratch.near)
-    leaves = may_leave(world.arena, real[X, own], real[Z, own], furthest)
-    staggers = now.frame - real[HIT_FRAME, own] <= STAGGER and real[HIT_X, own] ** 2 + real[HIT_Z, own] ** 2 >= 1.0
+    leaves = may_leave(world.arena, avatars.x[own], avatars.z[own], furthest)
+    staggers = (
+        now.frame - avatars.fight[own].hit_frame <= STAGGER
+        and avatars.fight[own].hit_x ** 2 + avatars.fight[own].hit_z ** 2 >= 1.0
+    )
     if close == 0 and not leaves and not staggers:
         return
-    lanes = _find_ends(model, avatars, own, work)
+    ends = _find_ends(model, avatars, own, scratch.work)
     for m in range(np.uint64(close)):
-        if scratch.near[m, 5] == ON_FLOOR:
-            _add_lying(model, avatars, own, scratch.near, m, work)
+        if scratch.near[m].frames == ON_FLOOR:
+            _add_lying(model, avatars, own, scratch.near, m, ends)
         else:
-            _add_neighbour(world.crowding, scratch.near, m, lanes, work)
+            _add_neighbour(scratch.near, m, ends)
     if leaves:
-        x, z, cost = real[X, own], real[Z, own], world.crowding[OUTSIDE_COST]
-        for k in range(lanes):
-            worst[k] += cost * outside(world.arena, x + work[0, k], z + work[1, k])
+        x, z, cost = avatars.x[own], avatars.z[own], world.crowding.outside_cost
+        for k in range(ends.lanes):
+            ends.cost[k] += cost * outside(world.arena, x + ends.x[k], z + ends.z[k])
     if staggers:
-        _step_back(real, world.crowding[BACK], own, lanes, work)
-    for k in range(lanes):
-        scratch.values[q, k] -= worst[k]
+        _step_back(avatars, world.crowding.back, own, ends)
+    for k in range(ends.lanes):
+        scratch.values[q, k] -= ends.cost[k]
 
 
 @kernel(inline=True)
 def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
     """List in ``near`` the neighbours that an avatar may collide with; return how many there are.
 
-    A row is the position seen from the avatar, the displacement to the end of the action, the distance at which bodies
-    meet, the frames that are left of the action, what it costs to end in the middle, and to pass there, and where it
-    can halt, seen from the avatar. Of a body on the floor it is the head, the displacement to the feet, the distance
-    from the axis, ``ON_FLOOR``, what it costs to end there, to be there halfway, and to tread on it, and its slot.
+    A record is the position seen from the avatar, the displacement to the end of the action, the distance at which
+    bodies meet, the frames that are left of the action, what it costs to end in the middle, and to pass there, and
+    where it can halt, seen from the avatar. Of a body on the floor it is the head, the displacement to the feet, the
+    distance from the axis, ``ON_FLOOR``, what it costs to end there, to be there halfway, and to tread on it, and its
+    slot.
     """
-    whole, real = avatars.whole, avatars.real
-    x, z, width = real[X, own], real[Z, own], real[WIDTH, own]
-    own_space = model.sizes[whole[POLICY, own], SPACE]
+    motion = avatars.motion
+    x, z, width = avatars.x[own], avatars.z[own], motion[own].width
+    own_space = model.sizes[avatars.policy[own]].space
     close = 0
     for m in range(observed.counts[q]):
         j = observed.neighbours[q, m]
-        ax, az = real[X, j] - x, real[Z, j] - z
-        wx, wz = real[END_X, j] - real[X, j], real[END_Z, j] - real[Z, j]
-        space = 0.5 * (own_space + model.sizes[whole[POLICY, j], SPACE])
-        if whole[NUMBER, j] != whole[NEXT_OPPONENT, own] and whole[OPPONENT, j] != whole[NUMBER, own]:
+        ax, az = avatars.x[j] - x, avatars.z[j] - z
+        wx, wz = motion[j].end_x - avatars.x[j], motion[j].end_z - avatars.z[j]
+        space = 0.5 * (own_space + model.sizes[avatars.policy[j]].space)
+        if avatars.number[j] != avatars.fight[own].next_opponent and avatars.opponent[j] != avatars.number[own]:
             space *= BYSTANDERS
-        room = crowding[DISC] * (width + real[WIDTH, j]) + crowding[GAP] * space
-        end_cost, path_cost = crowding[END_COST] * space, crowding[PATH_COST]
-        if whole[TEAM, j] < 0 and is_on_floor(avatars, j):
-            close += _list_lying(model, avatars, crowding, own, j, furthest, near[close])
+        room = crowding.disc * (width + motion[j].width) + crowding.gap * space
+        end_cost, path_cost = crowding.end_cost * space, crowding.path_cost
+        if avatars.team[j] < 0 and is_on_floor(avatars, j):
+            close += _list_lying(model, avatars, crowding, own, j, furthest, near, close)
             continue
-        hx, hz = real[HALT_X, j] - x, real[HALT_Z, j] - z
+        hx, hz = motion[j].halt_x - x, motion[j].halt_z - z
         # Point of its path at which the neighbour is nearest to the position of the avatar now.
         towards, moved = -(ax * wx + az * wz), wx * wx + wz * wz
         t = min(towards / moved, 1.0) if towards > 0.0 else 0.0
         nx, nz = ax + t * wx, az + t * wz
-        near[close, 0], near[close, 1], near[close, 2], near[close, 3], near[close, 4] = ax, az, wx, wz, room
-        near[close, 6], near[close, 7] = end_cost, path_cost
-        near[close, 8], near[close, 9] = hx, hz
-        near[close, 5] = (model.actions[whole[ACTION, j], LENGTH] - real[PHASE, j]) / real[SPEED, j]
+        found = near[close]
+        found.x, found.z, found.way_x, found.way_z, found.room = ax, az, wx, wz, room
+        found.end_cost, found.path_cost, found.halt_x, found.halt_z = end_cost, path_cost, hx, hz
+        found.frames = (model.actions[motion[j].action].length - motion[j].phase) / motion[j].speed
         reach = room + furthest + math.sqrt((hx - ax - wx) ** 2 + (hz - az - wz) ** 2)
         close += nx * nx + nz * nz < reach * reach
     return close
 
 
 @kernel(inline=True)
-def _list_lying(model, avatars, crowding, own, j, furthest, row):
-    """Write a body on the floor to a row of ``near``, its head and its axis; return whether an avatar may get there."""
-    x, z = avatars.real[X, own], avatars.real[Z, own]
+def _list_lying(model, avatars, crowding, own, j, furthest, near, m):
+    """Write a body on the floor to record ``m`` of ``near``; return whether an avatar may get there."""
+    x, z = avatars.x[own], avatars.z[own]
     axis = axis_of(model, avatars, j)
-    row[0], row[1], row[2], row[3] = axis.x - x, axis.z - z, axis.to_x - axis.x, axis.to_z - axis.z
-    opponent = avatars.whole[NEXT_OPPONENT, own]
-    share, room, cost = ON_BODY, LYING, crowding[END_COST]
+    found = near[m]
+    found.x, found.z, found.way_x, found.way_z = axis.x - x, axis.z - z, axis.to_x - axis.x, axis.to_z - axis.z
+    opponent = avatars.fight[own].next_opponent
+    share, room, cost = ON_BODY, LYING, crowding.end_cost
     if opponent >= 0:
         i = avatars.slot_of[opponent]
-        dx, dz = avatars.real[X, i] - x, avatars.real[Z, i] - z
+        dx, dz = avatars.x[i] - x, avatars.z[i] - z
         square = dx * dx + dz * dz
         if square > NEARBY * NEARBY:
             share, room = IN_PASSING if square > FAR * FAR else ON_APPROACH, PASSING
-    row[4], row[5] = room * avatars.real[SCALE, j], ON_FLOOR
-    row[6], row[7], row[8], row[9] = share * cost, STEPS_OVER * cost, TREADS * cost, j
-    return from_axis(axis, x, z) < row[4] + furthest
+    found.room, found.frames = room * avatars.playback[j].scale, ON_FLOOR
+    found.end_cost, found.path_cost, found.step_cost, found.slot = share * cost, STEPS_OVER * cost, TREADS * cost, j
+    return from_axis(axis, x, z) < found.room + furthest
 
 
 @kernel(inline=True)
 def _find_ends(model, avatars, own, work):
-    """Write where each of an avatar's next actions ends, seen from it: x, z and frames; and 0, the cost so far.
-
-    And where the body can halt after each. Returns how many lanes they fill.
-    """
-    whole, real, actions, moves, halts = avatars.whole, avatars.real, model.actions, model.moves, model.halts
-    ends_x, ends_z, frames, worst, halts_x, halts_z = work[0], work[1], work[2], work[3], work[4], work[5]
-    scale, speed = real[SCALE, own], real[SPEED, own]
-    cos, sin = cos_sin(real[HEADING, own])
+    """Return where each of an avatar's next actions ends, and where the body can halt after it; they cost 0 so far."""
+    motion = avatars.motion
+    actions, moves, halts = model.actions, model.moves, model.halts
+    ends_x, ends_z, frames, cost, halts_x, halts_z = work[0], work[1], work[2], work[3], work[4], work[5]
+    scale, speed = avatars.playback[own].scale, motion[own].speed
+    cos, sin = cos_sin(avatars.heading[own])
     cos, sin = cos * scale, sin * scale
-    done = min(real[PHASE, own] - actions[whole[ACTION, own], LENGTH], speed)
-    state = actions[whole[ACTION, own], NEXT]
+    done = min(motion[own].phase - actions[motion[own].action].length, speed)
+    state = actions[motion[own].action].next
     offset = model.offsets[state]
     n = model.offsets[state + 1] - offset
     for k in range(np.uint64(n)):
         action = np.uint64(offset) + k
-        ex, ez = moves[action, MOVE_X], moves[action, MOVE_Z]
+        ex, ez = moves[action].x, moves[action].z
         ends_x[k], ends_z[k] = ex * cos + ez * sin, ez * cos - ex * sin
-        hx, hz = halts[action, 0], halts[action, 1]
+        hx, hz = halts[action].x, halts[action].z
         halts_x[k], halts_z[k] = hx * cos + hz * sin, hz * cos - hx * sin
-        frames[k] = actions[action, LENGTH]
+        frames[k] = actions[action].length
     lanes = np.uint64(whole_lanes(n))
     for k in range(lanes):
         frames[k] = max(frames[k] - done, 0.0) / speed
-        worst[k] = 0.0
-    return lanes
+        cost[k] = 0.0
+    return Ends(ends_x, ends_z, frames, cost, halts_x, halts_z, lanes)
 
 
 @kernel(inline=True)
-def _add_neighbour(crowding, near, m, lanes, work):
+def _add_neighbour(near, m, ends):
     """Raise the cost of actions that end, or pass, inside a neighbour to what that costs."""
-    ends_x, ends_z, frames, worst, halts_x, halts_z = work[0], work[1], work[2], work[3], work[4], work[5]
-    end_cost, path_cost = near[m, 6], near[m, 7]
-    ax, az, wx, wz, room, left = near[m, 0], near[m, 1], near[m, 2], near[m, 3], near[m, 4], near[m, 5]
-    halt_x, halt_z = near[m, 8], near[m, 9]
+    ends_x, ends_z, frames, cost, halts_x, halts_z, lanes = ends
+    other = near[m]
+    ax, az, wx, wz, room, left = other.x, other.z, other.way_x, other.way_z, other.room, other.frames
+    end_cost, path_cost, halt_x, halt_z = other.end_cost, other.path_cost, other.halt_x, other.halt_z
     # Bodies that halt meet nearer to one another: their distance counts for so much more.
     per_room, halted = 1.0 / room, 1.0 / (HALTED * HALTED)
     # No branch, since it cannot be predicted which neighbours come too near.
@@ -205,41 +196,40 @@ def _add_neighbour(crowding, near, m, lanes, work):
         t = towards / moved if towards < moved else 1.0
         nx, nz = ax + t * dx, az + t * dz
         on_way = path_cost * (1.0 - math.sqrt(nx * nx + nz * nz) * per_room)
-        worst[k] = max(max(worst[k], at_end), on_way if towards > 0.0 else 0.0)
+        cost[k] = max(max(cost[k], at_end), on_way if towards > 0.0 else 0.0)
 
 
 @kernel(inline=True)
-def _add_lying(model, avatars, own, near, m, work):
+def _add_lying(model, avatars, own, near, m, ends):
     """Raise the cost of actions that end on a body on the floor, or are over it halfway, to what that costs.
 
     Soles that come onto it, or end near it, add to that.
     """
-    ends_x, ends_z, worst = work[0], work[1], work[3]
-    room, end_cost, path_cost = near[m, 4], near[m, 6], near[m, 7]
-    state = model.actions[avatars.whole[ACTION, own], NEXT]
+    body = near[m]
+    state = model.actions[avatars.motion[own].action].next
     offset = model.offsets[state]
     for k in range(np.uint64(model.offsets[state + 1] - offset)):
-        x, z = ends_x[k], ends_z[k]
-        at_end = end_cost * (1.0 - _share_of(near, m, x, z, room) ** 2)
-        on_way = path_cost * (1.0 - _share_of(near, m, 0.5 * x, 0.5 * z, room) ** 2)
+        x, z = ends.x[k], ends.z[k]
+        at_end = body.end_cost * (1.0 - _share_of(near, m, x, z) ** 2)
+        on_way = body.path_cost * (1.0 - _share_of(near, m, 0.5 * x, 0.5 * z) ** 2)
         cost = max(max(at_end, on_way), 0.0)
-        cost += near[m, 8] * treads_on(model, avatars, own, np.uint64(offset) + k, int(near[m, 9]))
-        worst[k] = max(worst[k], cost)
+        cost += body.step_cost * treads_on(model, avatars, own, np.uint64(offset) + k, int(body.slot))
+        ends.cost[k] = max(ends.cost[k], cost)
 
 
 @kernel(inline=True)
-def _share_of(near, m, x, z, room):
-    """Return how far a point is from the axis of a body on the floor, over ``room``."""
-    ax, az, wx, wz = near[m, 0], near[m, 1], near[m, 2], near[m, 3]
-    return from_axis(Axis(ax, az, ax + wx, az + wz), x, z) / room
+def _share_of(near, m, x, z):
+    """Return how far a point is from the axis of a body on the floor, over the room that it has."""
+    body = near[m]
+    return from_axis(Axis(body.x, body.z, body.x + body.way_x, body.z + body.way_z), x, z) / body.room
 
 
 @kernel(inline=True)
-def _step_back(real, back, own, lanes, work):
+def _step_back(avatars, back, own, ends):
     """Lower the cost of actions that lead away from the last hit."""
-    x, z = real[HIT_X, own], real[HIT_Z, own]
+    x, z = avatars.fight[own].hit_x, avatars.fight[own].hit_z
     strength = math.sqrt(x * x + z * z)
     x, z = back * x / strength, back * z / strength
-    for k in range(lanes):
-        along = work[0, k] * x + work[1, k] * z
-        work[3, k] -= min(along, 2.0 * back * STEP - along)
+    for k in range(ends.lanes):
+        along = ends.x[k] * x + ends.z[k] * z
+        ends.cost[k] -= min(along, 2.0 * back * STEP - along)

@@ -13,37 +13,9 @@ import numpy as np
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.bodies import distance_from_body
 from crowdsim.core.threats import ASIDE, DISTANCES, SEEN_CELLS, SIDES, SOON
+from crowdsim.crowd.kernels.advance import over_ground
 from crowdsim.crowd.kernels.interpolation import between, ground_at
-from crowdsim.crowd.kernels.layout import (
-    ACTION,
-    COHORT,
-    DEFENCE,
-    FIST_X,
-    FIST_Y,
-    FIST_Z,
-    HEADING,
-    LENGTH,
-    NECK,
-    NEXT,
-    NEXT_OPPONENT,
-    NUMBER,
-    OPPONENT,
-    ORIGIN,
-    PHASE,
-    POLICY,
-    REACTION,
-    SCALE,
-    SPEED,
-    STRIDE,
-    STRIKES,
-    THREAT,
-    TIME,
-    TOLERANCE,
-    WIDTH,
-    X,
-    Z,
-)
-from crowdsim.crowd.kernels.motion import over_ground
+from crowdsim.crowd.kernels.layout import NECK
 from crowdsim.crowd.kernels.postures import Standing, posed_body
 from crowdsim.jit import kernel
 
@@ -71,14 +43,14 @@ def defend(model, avatars, world, now, own, observed, q, scratch):
     """Lower the values of actions by the hits that they cost an avatar that defends itself."""
     if model.defence.shape[0] == 0:
         return
-    whole, defence = avatars.whole, model.defence
-    cost = HIT * world.cohorts[whole[COHORT, own], DEFENCE]
-    whole[THREAT, own] = -1
+    defence = model.defence
+    cost = HIT * world.cohorts[avatars.playback[own].cohort].defence
+    avatars.fight[own].threat = -1
     state = scratch.states[q]
     if cost <= 0.0 or state < 0:
         return
     threat = see_threat(model, avatars, world.cohorts, now, own, observed, q)
-    whole[THREAT, own] = threat.cell
+    avatars.fight[own].threat = threat.cell
     for k in range(model.offsets[state + 1] - model.offsets[state]):
         action = model.offsets[state] + k
         if threat.cell < SEEN_CELLS:
@@ -93,32 +65,33 @@ def see_threat(model, avatars, cohorts, now, own, observed, q):
 
     An opponent that has decided within the reaction time is seen where its action began, and what it does is not seen.
     """
-    whole, real, strikes = avatars.whole, avatars.real, model.strikes
-    x, z, size = real[X, own], real[Z, own], real[SCALE, own]
-    opponent, reaction = whole[NEXT_OPPONENT, own], cohorts[whole[COHORT, own], REACTION]
+    motion, playback = avatars.motion, avatars.playback
+    strikes = model.strikes
+    x, z, size = avatars.x[own], avatars.z[own], playback[own].scale
+    opponent, reaction = avatars.fight[own].next_opponent, cohorts[playback[own].cohort].reaction
     nearest, soonest = np.inf, np.inf
     fx, fy, fz = 0.0, 0.0, 0.0
     for m in range(-1, observed.counts[q]):
         j = np.int64(avatars.slot_of[opponent]) if m < 0 and opponent >= 0 else np.int64(now.present)
-        if m >= 0 and whole[OPPONENT, observed.neighbours[q, m]] == whole[NUMBER, own]:
+        if m >= 0 and avatars.opponent[observed.neighbours[q, m]] == avatars.number[own]:
             j = np.int64(observed.neighbours[q, m])
         if j >= now.present:
             continue
-        action, phase, speed = whole[ACTION, j], real[PHASE, j], real[SPEED, j]
+        action, phase, speed = motion[j].action, motion[j].phase, motion[j].speed
         hidden = math.ceil(phase / speed) - 1.0 < reaction
-        ox, oz = real[X, j], real[Z, j]
+        ox, oz = avatars.x[j], avatars.z[j]
         if hidden:
             ox, oz = over_ground(model, avatars, j, action, False, 0.0, 0.0)
         nearest = min(nearest, (ox - x) ** 2 + (oz - z) ** 2)
         if hidden:
             continue
-        for k in range(model.actions[action, STRIKES], model.actions[action + 1, STRIKES]):
-            frames = (strikes[k, TIME] - phase) / speed
+        for k in range(model.actions[action].strikes, model.actions[action + 1].strikes):
+            frames = (strikes[k].time - phase) / speed
             if frames <= 0.0 or frames >= soonest:
                 continue
-            sx, sz = over_ground(model, avatars, j, action, False, strikes[k, FIST_X], strikes[k, FIST_Z])
+            sx, sz = over_ground(model, avatars, j, action, False, strikes[k].x, strikes[k].z)
             if (sx - x) ** 2 + (sz - z) ** 2 <= NEAR * NEAR * size * size:
-                soonest, fx, fy, fz = frames, sx, strikes[k, FIST_Y] * real[SCALE, j], sz
+                soonest, fx, fy, fz = frames, sx, strikes[k].y * playback[j].scale, sz
     if soonest == np.inf:
         far, cell = math.sqrt(nearest) / size, SEEN_CELLS
         for limit in DISTANCES:
@@ -130,31 +103,30 @@ def see_threat(model, avatars, cohorts, now, own, observed, q):
 @kernel(inline=True)
 def _cell_of(model, avatars, own, frames, x, y, z):
     """Return the cell of a strike in progress, by its time, height and side."""
-    whole, real = avatars.whole, avatars.real
-    cos, sin = cos_sin(real[HEADING, own])
-    aside = ((x - real[X, own]) * cos - (z - real[Z, own]) * sin) / real[SCALE, own]
-    action = whole[ACTION, own]
-    end = model.actions[action, ORIGIN] + model.actions[action, LENGTH] * model.policies[whole[POLICY, own], STRIDE]
+    motion = avatars.motion
+    cos, sin = cos_sin(avatars.heading[own])
+    aside = ((x - avatars.x[own]) * cos - (z - avatars.z[own]) * sin) / avatars.playback[own].scale
+    action = motion[own].action
+    end = model.actions[action].origin + model.actions[action].length * model.policies[avatars.policy[own]].stride
     cell = 0
     for limit in SOON:
         cell += frames > limit
-    cell = 2 * cell + (y > between(model.bodies, np.float64(end), NECK + 1) * real[SCALE, own])
+    cell = 2 * cell + (y > between(model.bodies, np.float64(end), NECK, 1) * avatars.playback[own].scale)
     return SIDES * cell + (aside >= -ASIDE) + (aside >= ASIDE)
 
 
 @kernel(inline=True)
 def _endured(model, avatars, own, action, threat):
     """Return whether a strike that is seen would land in an action, or in the best one behind it: from 0 to 1."""
-    real = avatars.real
-    start = real[X, own], real[Z, own], real[HEADING, own]
-    length = np.float64(model.actions[action, LENGTH])
-    frames = threat.frames * real[SPEED, own]
+    start = avatars.x[own], avatars.z[own], avatars.heading[own]
+    length = np.float64(model.actions[action].length)
+    frames = threat.frames * avatars.motion[own].speed
     if frames <= length:
         return _lands(model, avatars, own, action, start, frames, threat.point)
     start = _place(model, avatars, own, action, start, length)
-    state, least = model.actions[action, NEXT], 1.0
+    state, least = model.actions[action].next, 1.0
     for after in range(model.offsets[state], model.offsets[state + 1]):
-        done = min(frames - length, np.float64(model.actions[after, LENGTH]))
+        done = min(frames - length, np.float64(model.actions[after].length))
         least = min(least, _lands(model, avatars, own, after, start, done, threat.point))
     return least
 
@@ -162,12 +134,12 @@ def _endured(model, avatars, own, action, threat):
 @kernel(inline=True)
 def _place(model, avatars, own, action, start, frames):
     """Return where an action leads in some frames of motion from a ground frame: x, z [m], heading [rad]."""
-    starts, size = model.starts, avatars.real[SCALE, own]
-    stride = model.policies[avatars.whole[POLICY, own], STRIDE]
-    gx, gz, turned = ground_at(model.ground, model.actions[action, ORIGIN] + frames * stride)
-    cos, sin = cos_sin(start[2] - starts[action, 2])
-    dx, dz = (gx - starts[action, 0]) * size, (gz - starts[action, 1]) * size
-    return start[0] + dx * cos + dz * sin, start[1] - dx * sin + dz * cos, start[2] + turned - starts[action, 2]
+    starts, size = model.starts, avatars.playback[own].scale
+    stride = model.policies[avatars.policy[own]].stride
+    gx, gz, turned = ground_at(model.ground, model.actions[action].origin + frames * stride)
+    cos, sin = cos_sin(start[2] - starts[action].heading)
+    dx, dz = (gx - starts[action].x) * size, (gz - starts[action].z) * size
+    return start[0] + dx * cos + dz * sin, start[1] - dx * sin + dz * cos, start[2] + turned - starts[action].heading
 
 
 @kernel(inline=True)
@@ -176,10 +148,11 @@ def _lands(model, avatars, own, action, start, frames, point):
 
     One that would end inside the body counts as well, so that walking into a fist is no defence.
     """
-    size, policy = avatars.real[SCALE, own], avatars.whole[POLICY, own]
+    motion = avatars.motion
+    size, policy = avatars.playback[own].scale, avatars.policy[own]
     x, z, heading = _place(model, avatars, own, action, start, frames)
     cos, sin = cos_sin(heading)
-    frame = model.actions[action, ORIGIN] + frames * model.policies[policy, STRIDE]
-    stands = Standing(frame, x, z, size, cos * size, sin * size, policy, avatars.real[WIDTH, own])
-    tolerance = model.sizes[policy, TOLERANCE] * size
+    frame = model.actions[action].origin + frames * model.policies[policy].stride
+    stands = Standing(frame, x, z, size, cos * size, sin * size, policy, motion[own].width)
+    tolerance = model.sizes[policy].tolerance * size
     return min(max((tolerance + MARGIN - distance_from_body(point, posed_body(model, stands))) / MARGIN, 0.0), 1.0)

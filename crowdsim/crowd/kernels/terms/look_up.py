@@ -1,6 +1,5 @@
 """What actions are worth by the policy's tables; of avatars without an opponent, that captured motion continues."""
 
-from crowdsim.crowd.kernels.layout import ACTION, COST, NEXT
 from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.jit import kernel
 
@@ -22,9 +21,9 @@ def look_up(model, avatars, world, due, count, scratch):
     value_actions(model, world.weights, scratch, 0, count)
     for q in range(count):
         if scratch.states[q] < 0:
-            state = model.actions[avatars.whole[ACTION, due[q]], NEXT]
+            state = model.actions[avatars.motion[due[q]].action].next
             for k in range(model.offsets[state + 1] - model.offsets[state]):
-                scratch.values[q, k] = -model.moves[model.offsets[state] + k, COST]
+                scratch.values[q, k] = -model.moves[model.offsets[state] + k].cost
 
 
 @kernel(allocates=False)

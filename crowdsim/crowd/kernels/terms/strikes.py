@@ -4,22 +4,7 @@ import math
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.crowd.kernels.intents import is_resting
-from crowdsim.crowd.kernels.layout import (
-    ACTION,
-    AGGRESSION,
-    DOES,
-    DOES_NEXT,
-    FIGHTS,
-    FLEES,
-    HEADING,
-    NEXT,
-    NEXT_OPPONENT,
-    NUMBER,
-    STRIKES,
-    UNSEEN,
-    X,
-    Z,
-)
+from crowdsim.crowd.kernels.layout import FIGHTS, FLEES
 from crowdsim.jit import kernel
 
 REST = 4.0  # what a strike costs an avatar that rests, in normalised values
@@ -36,9 +21,9 @@ def weigh_strikes(model, avatars, world, now, own, observed, q, scratch):
     """
     rests, bonus = is_resting(avatars, world, now.frame, own), 0.0
     if avatars.conditions.shape[0] > 0:
-        row = avatars.conditions[avatars.whole[NUMBER, own]]
-        rests, bonus = rests or row[DOES_NEXT] != FIGHTS, BOLDNESS * row[AGGRESSION]
-    worth = -REST if rests else bonus - world.crowding[UNSEEN] * _is_unseen(avatars, now, own)
+        row = avatars.conditions[avatars.number[own]]
+        rests, bonus = rests or row.does_next != FIGHTS, BOLDNESS * row.aggression
+    worth = -REST if rests else bonus - world.crowding.unseen * _is_unseen(avatars, now, own)
     if worth != 0.0:
         weigh_by_strikes(model, avatars, own, worth, scratch.values[q])
 
@@ -46,23 +31,22 @@ def weigh_strikes(model, avatars, world, now, own, observed, q, scratch):
 @kernel(inline=True)
 def weigh_by_strikes(model, avatars, own, worth, values):
     """Add ``worth`` to the values of an avatar's next actions for each of their strikes."""
-    actions, state = model.actions, model.actions[avatars.whole[ACTION, own], NEXT]
+    actions, state = model.actions, model.actions[avatars.motion[own].action].next
     for k in range(model.offsets[state + 1] - model.offsets[state]):
         action = model.offsets[state] + k
-        values[k] += worth * (actions[action + 1, STRIKES] - actions[action, STRIKES])
+        values[k] += worth * (actions[action + 1].strikes - actions[action].strikes)
 
 
 @kernel(inline=True)
 def _is_unseen(avatars, now, own):
     """Return whether an avatar is close behind its opponent, unless that one flees."""
-    whole, real = avatars.whole, avatars.real
-    opponent = whole[NEXT_OPPONENT, own]
+    opponent = avatars.fight[own].next_opponent
     if opponent < 0:
         return False
     j = avatars.slot_of[opponent]
-    if j >= now.present or (avatars.conditions.shape[0] > 0 and avatars.conditions[opponent, DOES] == FLEES):
+    if j >= now.present or (avatars.conditions.shape[0] > 0 and avatars.conditions[opponent].does == FLEES):
         return False
-    dx, dz = real[X, own] - real[X, j], real[Z, own] - real[Z, j]
+    dx, dz = avatars.x[own] - avatars.x[j], avatars.z[own] - avatars.z[j]
     far = math.sqrt(dx * dx + dz * dz)
-    cos, sin = cos_sin(real[HEADING, j])
+    cos, sin = cos_sin(avatars.heading[j])
     return far < NEAR and dx * sin + dz * cos < AWAY * far

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from crowdsim.crowd.kernels.layout import COHORT, NEXT, NEXT_OPPONENT, NUMBER, STANCE, TARGET_X, TARGET_Z, VARIETY
-from crowdsim.crowd.kernels.prefetch import ask_for
+from crowdsim.crowd.kernels.prefetch import prefetch
 from crowdsim.crowd.kernels.shown_motion import FRAMES, LATEST, cell_at
 from crowdsim.jit import kernel
 
@@ -18,23 +17,23 @@ FACING, NEAR = 0.6, 1.2  # where opponents are while variety counts: cosine of t
 @kernel(inline=True)
 def avoid_repetition(model, avatars, world, now, own, observed, q, scratch):
     """Lower the values of actions whose motion was shown lately, unless the avatar pursues its opponent."""
-    whole, actions, marks = avatars.whole, model.actions, avatars.marks
+    actions, marks = model.actions, avatars.marks
     mask = marks.shape[0] - 1
-    variety = world.cohorts[whole[COHORT, own], VARIETY]
-    if variety <= 0.0 or scratch.states[q] < 0 or whole[NEXT_OPPONENT, own] < 0:
+    variety = world.cohorts[avatars.playback[own].cohort].variety
+    if variety <= 0.0 or scratch.states[q] < 0 or avatars.fight[own].next_opponent < 0:
         return
-    if avatars.conditions.shape[0] > 0 and avatars.conditions[whole[NUMBER, own], STANCE] > 0.0:
+    if avatars.conditions.shape[0] > 0 and avatars.conditions[avatars.number[own]].stance > 0.0:
         variety *= ONE_STANCE
-    x, z = scratch.situations[q, TARGET_X], scratch.situations[q, TARGET_Z]
+    x, z = scratch.situations[q].x, scratch.situations[q].z
     far = math.sqrt(x * x + z * z)
     if z < FACING * far or far > NEAR:
         return  # it turns and pursues by whatever motion there is
     offset = model.offsets[scratch.states[q]]
     n = model.offsets[scratch.states[q] + 1] - offset
-    cell, latest = cell_at(avatars.real, own, 0.0, 0.0), avatars.shown[whole[NUMBER, own]]
+    cell, latest = cell_at(avatars, own, 0.0, 0.0), avatars.shown[avatars.number[own]]
     others, mine = variety * OTHERS, variety * OWN
     for k in range(np.uint64(n)):
-        state = np.int64(model.twins[actions[np.uint64(offset) + k, NEXT]])
+        state = np.int64(model.twins[actions[np.uint64(offset) + k].next])
         age = (now.frame - np.int64(marks[np.uint64((cell + state) & mask)])) & FRAMES
         charge = others if age < LATELY else 0.0
         low, again = np.uint16(state), False
@@ -46,9 +45,9 @@ def avoid_repetition(model, avatars, world, now, own, observed, q, scratch):
 @kernel(inline=True)
 def prefetch_repetition(model, avatars, world, own, state):
     """Prefetch what ``avoid_repetition`` will read for an avatar that ends its action in a state."""
-    if state < 0 or world.cohorts[avatars.whole[COHORT, own], VARIETY] <= 0.0:
+    if state < 0 or world.cohorts[avatars.playback[own].cohort].variety <= 0.0:
         return
-    number, cell = avatars.whole[NUMBER, own], cell_at(avatars.real, own, 0.0, 0.0)
-    ask_for(avatars.shown, LATEST * np.int64(number))
+    number, cell = avatars.number[own], cell_at(avatars, own, 0.0, 0.0)
+    prefetch(avatars.shown, number)
     for action in range(model.offsets[state], model.offsets[state + 1]):
-        ask_for(avatars.marks, (cell + model.twins[model.actions[action, NEXT]]) & (avatars.marks.shape[0] - 1))
+        prefetch(avatars.marks, (cell + model.twins[model.actions[action].next]) & (avatars.marks.shape[0] - 1))

@@ -1,0 +1,168 @@
+"""Avatars along their actions: playback of the present one, and the start of the next."""
+
+import math
+
+import numpy as np
+
+from crowdsim.core.angles import cos_sin
+from crowdsim.core.easing import minimum_jerk
+from crowdsim.crowd.kernels.forced_actions import note_condition
+from crowdsim.crowd.kernels.interpolation import ground_at
+from crowdsim.crowd.kernels.layout import AHEAD, ENTERED, NO_STRIKE
+from crowdsim.crowd.kernels.prefetch import prefetch, prefetch_avatar
+from crowdsim.crowd.kernels.shown_motion import is_varied, note_shown, prefetch_marks
+from crowdsim.jit import kernel
+
+
+@kernel(inline=True)
+def _next_strike(actions, strikes, action, phase):
+    """Return the last whole frame before the next strike of an action, or ``NO_STRIKE``."""
+    found = NO_STRIKE
+    for k in range(actions[action].strikes, actions[action + 1].strikes):
+        if strikes[k].time > phase:
+            found = min(found, np.int64(np.ceil(strikes[k].time)) - 1)
+    return found
+
+
+@kernel(inline=True)
+def advance(model, avatars, first, last, due, few):
+    """Move avatars by one frame; list in ``due[first:]`` those whose action has ended.
+
+    Where they are ``few``, what the next frame will read is prefetched. Returns how many are listed, or -1 - i
+    where the position of avatar i is not a number.
+    """
+    motion, playback = avatars.motion, avatars.playback
+    actions, ground, policies = model.actions, model.ground, model.policies
+    held, slides = first, avatars.conditions.shape[0] > 0
+    for i in range(first, last):
+        action = motion[i].action
+        length, before = actions[action].length, motion[i].phase
+        if before > motion[i].pending:
+            motion[i].pending = _next_strike(actions, model.strikes, action, before)
+        phase = before + motion[i].speed
+        playback[i].phase_before = min(before, length)
+        motion[i].phase = phase
+        playback[i].action_before = -1
+        if slides and (avatars.slides[i].x != 0.0 or avatars.slides[i].z != 0.0):
+            share = minimum_jerk(phase / length) - minimum_jerk(before / length)
+            playback[i].base_x += share * avatars.slides[i].x
+            playback[i].base_z += share * avatars.slides[i].z
+        stride = policies[avatars.policy[i]].stride
+        shown = actions[action].origin + min(phase, length) * stride
+        if few:
+            soon = int(shown) + stride
+            prefetch(ground, soon)
+            prefetch(model.bodies, soon)
+        gx, gz, turned = ground_at(ground, shown)
+        cos, sin = playback[i].base_cos, playback[i].base_sin
+        x = playback[i].base_x + gx * cos + gz * sin
+        z = playback[i].base_z - gx * sin + gz * cos
+        heading = playback[i].base_turn + turned
+        avatars.x[i], avatars.z[i], avatars.heading[i] = x, z, heading
+        if not math.isfinite(x + z + heading):
+            return -1 - i
+        due[held] = i
+        held += phase >= length
+    return held - first
+
+
+@kernel(inline=True)
+def _prefetch_start(model, avatars, i, action, varied):
+    """Prefetch what ``switch`` will read and write where avatar ``i`` starts an action."""
+    origin, length = model.actions[action].origin, model.actions[action].length
+    prefetch(model.ground, origin)
+    prefetch(model.ground, origin + length * model.policies[avatars.policy[i]].stride)
+    prefetch(model.starts, action)
+    prefetch(model.halts, action)
+    if varied:
+        prefetch_marks(model, avatars, i, action)
+
+
+@kernel(inline=True)
+def switch(model, avatars, world, frame, due, chosen, first, last):
+    """Start the chosen actions, and fights, where the old ones have ended, with the motion that was left over.
+
+    ``frame`` is the control frame.
+    """
+    motion, playback = avatars.motion, avatars.playback
+    actions, ground, starts, policies = model.actions, model.ground, model.starts, model.policies
+    varied = is_varied(world)
+    for q in range(first, last):
+        if q + 2 * AHEAD < last:
+            prefetch_avatar(avatars, due[q + 2 * AHEAD])
+            prefetch(avatars.fight, due[q + 2 * AHEAD])
+        if q + AHEAD < last:
+            _prefetch_start(model, avatars, due[q + AHEAD], chosen[q + AHEAD], varied)
+        i = due[q]
+        old, new = motion[i].action, chosen[q]
+        if varied:
+            note_shown(model, avatars, frame, i, new)
+        stride, scale, speed = policies[avatars.policy[i]].stride, playback[i].scale, motion[i].speed
+        phase = min(motion[i].phase - actions[old].length, speed)
+        origin = actions[new].origin
+        x, z, heading = avatars.x[i], avatars.z[i], avatars.heading[i]
+        heading -= 2.0 * math.pi * math.floor(heading / (2.0 * math.pi) + 0.5)
+        gx, gz, gh = starts[new].x, starts[new].z, starts[new].heading
+        if playback[i].action_before == ENTERED:
+            # What came before was not seen, so the position is exact without a shift.
+            gx, gz, gh = ground[origin].x, ground[origin].z, ground[origin].heading
+        cos, sin = cos_sin(heading)
+        cos, sin = cos * scale, sin * scale
+        hx, hz = model.halts[new].x, model.halts[new].z
+        motion[i].halt_x, motion[i].halt_z = x + hx * cos + hz * sin, z + hz * cos - hx * sin
+        turn = heading - gh
+        cos, sin = cos_sin(turn)
+        cos, sin = cos * scale, sin * scale
+        base_x, base_z = x - gx * cos - gz * sin, z + gx * sin - gz * cos
+        playback[i].base_x, playback[i].base_z = base_x, base_z
+        playback[i].base_cos, playback[i].base_sin, playback[i].base_turn = cos, sin, turn
+        last_frame = origin + actions[new].length * stride
+        gx, gz = ground[last_frame].x, ground[last_frame].z
+        motion[i].end_x, motion[i].end_z = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
+        if avatars.conditions.shape[0] > 0:
+            motion[i].end_x += avatars.slides[i].x
+            motion[i].end_z += avatars.slides[i].z
+            note_condition(model, avatars, world, frame, i, new)
+        gx, gz, heading = ground_at(ground, origin + min(phase, actions[new].length) * stride)
+        avatars.x[i], avatars.z[i] = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
+        avatars.heading[i] = heading + turn
+        motion[i].pending = -1 if motion[i].pending < actions[old].length else actions[new].first_strike
+        playback[i].action_before = old
+        motion[i].action = new
+        motion[i].phase = phase
+        avatars.fight[i].opponent_before = avatars.opponent[i]
+        avatars.opponent[i] = avatars.fight[i].next_opponent
+        avatars.fight[i].decisions += 1
+
+
+@kernel(inline=True)
+def base_before(model, avatars, i):
+    """Return where the action before the present one is based: x, z, cos, sin, turn."""
+    motion, playback = avatars.motion, avatars.playback
+    actions, ground, starts = model.actions, model.ground, model.starts
+    new = motion[i].action
+    gx, gz = starts[new].x, starts[new].z
+    cos, sin = playback[i].base_cos, playback[i].base_sin
+    x = playback[i].base_x + gx * cos + gz * sin
+    z = playback[i].base_z - gx * sin + gz * cos
+    old = playback[i].action_before
+    end = actions[old].origin + actions[old].length * model.policies[avatars.policy[i]].stride
+    turn = playback[i].base_turn + starts[new].heading - ground[end].heading
+    cos, sin = cos_sin(turn)
+    cos, sin = cos * playback[i].scale, sin * playback[i].scale
+    gx, gz = ground[end].x, ground[end].z
+    return x - gx * cos - gz * sin, z + gx * sin - gz * cos, cos, sin, turn
+
+
+@kernel(inline=True)
+def over_ground(model, avatars, i, action, old, fx, fz):
+    """Return over what a point lies that is seen from the start of an avatar's action, or of its ``old`` one."""
+    playback = avatars.playback
+    starts = model.starts
+    base_x, base_z, cos, sin = playback[i].base_x, playback[i].base_z, playback[i].base_cos, playback[i].base_sin
+    if old:
+        base_x, base_z, cos, sin, _ = base_before(model, avatars, i)
+    gx, gz, gh = starts[action].x, starts[action].z, starts[action].heading
+    wx, wz = cos_sin(gh)
+    gx, gz = gx + fx * wx + fz * wz, gz - fx * wz + fz * wx
+    return base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
