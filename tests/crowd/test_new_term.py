@@ -12,7 +12,6 @@ ROOT = Path(__file__).resolve().parents[2]
 
 TERM = '''"""Peace: what strikes cost avatars whose numbers are even."""
 
-from crowdsim.crowd.kernels.layout import NUMBER
 from crowdsim.crowd.kernels.terms.strikes import weigh_by_strikes
 from crowdsim.jit import kernel
 
