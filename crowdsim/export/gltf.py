@@ -207,7 +207,7 @@ class GltfSink:
             local[:joints][~moving] = still[~moving]
             for joint in range(joints + HELPERS):
                 below = [first + 1 + child for child, parent in enumerate(parents) if parent == joint]
-                w, x, y, z = (round(float(value), 6) for value in local[joint])
+                w, x, y, z = (round(float(value), 5) for value in local[joint])
                 document.nodes.append({
                     "name": names_[joint],
                     "translation": [round(float(value), 7) for value in offsets[joint]],
