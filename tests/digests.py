@@ -3,9 +3,9 @@
     python tests/digests.py --write before.json       # with the code as it was
     python tests/digests.py --compare before.json     # with the change; exits with 1 where something differs
 
-Takes, exports and pictures of every shipped scenario, arrays of every trained policy, clips of the performer. Manifests,
-profiles and checkpoints hold timings, lists of outputs and the description of a policy what they were made from; all are
-left out.
+Takes, exports and pictures of every shipped scenario, arrays of every trained policy, clips of the performer. Left out
+are files that hold timings (manifests, profiles, checkpoints) or what results were made from (lists of outputs, the
+description of a policy).
 """
 
 from __future__ import annotations
