@@ -86,7 +86,7 @@ class GltfSink:
         take = sampler.take
         self.start, self.stop = frames or (0, take.output_frames(float(fps)))
         numbers: Array = np.arange(take.avatar_count) if avatars is None else np.unique(np.asarray(avatars))
-        self._sampler, self._path, self._fps, self._rotations = sampler, path, Fraction(fps), rotations
+        self._sampler, self._path, self._fps, self._rotations = sampler, path, _fraction(fps), rotations
         there = {int(number): _presence(sampler, int(number), self.start, self.stop, float(fps)) for number in numbers}
         there = {number: rows for number, rows in there.items() if rows.any()}
         self.avatars: Array = np.array(list(there), np.int64)
@@ -207,7 +207,7 @@ class GltfSink:
             local[:joints][~moving] = still[~moving]
             for joint in range(joints + HELPERS):
                 below = [first + 1 + child for child, parent in enumerate(parents) if parent == joint]
-                w, x, y, z = (round(float(value), 6) for value in local[joint])
+                w, x, y, z = (round(float(value), 5) for value in local[joint])
                 document.nodes.append({
                     "name": names_[joint],
                     "translation": [round(float(value), 7) for value in offsets[joint]],
@@ -518,6 +518,11 @@ def write_gltf(
     make_folder(path.parent)
     sink = GltfSink(sampler, path, fps, frames, avatars, rotations, builds)
     return stream_poses(sampler, float(fps), [sink], threads, progress)[0] if len(sink.avatars) else []
+
+
+def _fraction(fps: float | Fraction) -> Fraction:
+    """A rate as a fraction: 29.97002997 is 30000/1001."""
+    return fps if isinstance(fps, Fraction) else Fraction(fps).limit_denominator(1001)
 
 
 def _whole_weights(weights: Array) -> Array:
