@@ -27,7 +27,7 @@ class GlbOutput(PosedOutput):
 
     name = "glb"
     about = "Skinned bodies and their motion as binary glTF 2.0, one file for all avatars."
-    kernels = "bvh"
+    kernels = "bodies"
 
     rotations: Literal["float32", "int16"] = Field(
         default="float32", description="How rotations are stored: `float32`, or `int16`, which takes half the room."
