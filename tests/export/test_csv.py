@@ -87,9 +87,9 @@ def test_the_command_writes_all_joints_of_some_frames_and_avatars(run: Path, cap
 @pytest.mark.parametrize(
     ("kinds", "keys", "what"),
     [
-        (["cvs"], {}, "cannot export 'cvs', expected bvh, ply, pcd, csv (did you mean 'csv'?)"),
+        (["cvs"], {}, "cannot export 'cvs', expected bvh, ply, pcd, csv, glb (did you mean 'csv'?)"),
         (["csv"], {"joint": "head"}, "no export has the key 'joint', expected frames, fps, avatars, every, points, "
-         "joints (did you mean 'joints'?)"),
+         "joints, rotations (did you mean 'joints'?)"),
         (["csv"], {"every": 0}, "csv: every: Input should be greater than or equal to 1"),
         (["csv"], {"frames": "5:2"}, "frames '5:2': is empty, expected the first frame before the last"),
     ],
