@@ -35,7 +35,7 @@ class Encounter:
         attacker: Number of the person in the list.
         victim: Number of the nearest other one.
         limb: Number of ``strikes.LIMBS``.
-        outcome: Landed on head or trunk, blocked by an arm, missed, or thrown at the air with nobody near.
+        outcome: Landed on head or trunk, blocked by an arm, missed, or thrown at the air with no other person near.
         gap: Least distance of the fist or foot from head and trunk [m].
     """
 

@@ -94,7 +94,7 @@ def test_bodies_that_hang_on_one_root_are_taken_off_it(tmp_path, pair):
     turned = quaternion.rotate(quaternion.about_y(np.deg2rad(turn)), clip.root_positions) + np.array([0.5, 0.0, 0.0])
     np.testing.assert_allclose(first.clip.root_positions, turned, atol=1e-4)
     assert load_capture(f"{other}#2").body.height == pytest.approx(second.body.height)
-    # A copy of a body in the same place, as rigs have them, is nobody else.
+    # Rigs hold copies of a body in the same place: these are not further people.
     half = scene.channels[1 : 1 + clip.skeleton.joint_count]
     columns = 6 + sum(map(len, half))
     motion = scene.motion.copy()
