@@ -80,6 +80,7 @@ class Simulation:
         self.avatars: Avatars = build_avatars(crowd, self.model, order)
         self.present = int(np.count_nonzero(crowd.present))
         self.frame = 0
+        self._changed_at = -1
         self.rate = crowd.rate
         self.outcome: Outcome | None = None
         self._workers = Workers(threads)
@@ -256,7 +257,10 @@ class Simulation:
         record.real[1:, first:last] = np.nan
 
     def _apply_events(self) -> None:
-        """Make changes whose time has come, before this frame's decisions."""
+        """Make changes whose time has come, before this frame's decisions: once, whoever asks for it."""
+        if self._changed_at == self.frame:
+            return
+        self._changed_at = self.frame
         progress = self._agenda.progress
         progress.frame, progress.present = self.frame, self.present
         if len(self.avatars.conditions):

@@ -90,7 +90,7 @@ def write_state(simulation: Changing, state: Mapping[str, Array]) -> None:
     simulation._agenda.progress.landed_on[...] = state["agenda.landed_on"]
     until, ended = simulation.crowd.until, int(state["outcome.frame"])
     simulation.outcome = None if until is None or ended < 0 else Outcome(until.kind, ended, state["outcome.standing"])
-    simulation.frame = int(state["frame"])
+    simulation.frame, simulation._changed_at = int(state["frame"]), -1
     simulation.searches = [str(search) for search in state["searches"]]
     simulation._index.reset()
 

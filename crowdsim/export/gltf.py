@@ -118,7 +118,9 @@ class GltfSink:
         return parts
 
     def write(self, block: Block, pool: ThreadPoolExecutor) -> None:
-        """Put a block of frames at its places."""
+        """Put a block of frames at its places; there is no file where no avatar ever comes."""
+        if not len(self.avatars):
+            return
         low, high = max(block.first_output, self.start), min(block.stop_output, self.stop)
         rows = slice(low - block.first, high - block.first)
         chosen = set(map(int, self.avatars))
@@ -517,7 +519,7 @@ def write_gltf(
     """
     make_folder(path.parent)
     sink = GltfSink(sampler, path, fps, frames, avatars, rotations, builds)
-    return stream_poses(sampler, float(fps), [sink], threads, progress)[0] if len(sink.avatars) else []
+    return stream_poses(sampler, float(fps), [sink], threads, progress)[0]
 
 
 def _fraction(fps: float | Fraction) -> Fraction:
