@@ -80,6 +80,7 @@ class Simulation:
         self.avatars: Avatars = build_avatars(crowd, self.model, order)
         self.present = int(np.count_nonzero(crowd.present))
         self.frame = 0
+        # The frame whose changes have been made.
         self._changed_at = -1
         self.rate = crowd.rate
         self.outcome: Outcome | None = None
@@ -257,7 +258,7 @@ class Simulation:
         record.real[1:, first:last] = np.nan
 
     def _apply_events(self) -> None:
-        """Make changes whose time has come, before this frame's decisions: once, whoever asks for it."""
+        """Make changes whose time has come, before this frame's decisions, and only once in a frame."""
         if self._changed_at == self.frame:
             return
         self._changed_at = self.frame
