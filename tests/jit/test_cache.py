@@ -47,6 +47,8 @@ def base(tmp_path, monkeypatch):
     """The folder of kernels of a test alone."""
     from numba import config
 
+    # Numba reads its settings again when variables of the environment have changed, as by a test before this one.
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
     monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "kernels"))
     monkeypatch.setattr(cache._Cache, "room", 0)
     monkeypatch.syspath_prepend(tmp_path)
@@ -62,11 +64,10 @@ def call(base, monkeypatch):
         monkeypatch.setattr(store, "_reported", [])
         monkeypatch.delitem(sys.modules, "adding", raising=False)
         kernel = getattr(importlib.import_module("adding"), name)
-        # What is warned of is read where it is noted: other threads of the process may filter warnings meanwhile.
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings(record=True) as notes:
+            warnings.simplefilter("always")
             result = kernel(1)
-        return result, list(store._reported), bool(kernel.stats.cache_hits)
+        return result, [str(note.message) for note in notes], bool(kernel.stats.cache_hits)
 
     return call
 
