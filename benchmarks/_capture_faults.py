@@ -194,11 +194,6 @@ def zeros_at_the_start(bvh: Bvh) -> Bvh:
     return _with_rows(bvh, np.concatenate([lead, bvh.motion]))
 
 
-def rows_more(count: int) -> Change:
-    """Declare other frames than there are."""
-    return lambda bvh: replace(bvh, declared_frames=bvh.frame_count - count)
-
-
 _CHANNELS = {
     "displacements, all zero": lambda bvh, joint, world: np.zeros((len(world), 3)),
     "displacements of a share of a bone": lambda bvh, joint, world: np.random.default_rng(joint).normal(

@@ -32,7 +32,7 @@ from crowdsim.jit.signatures import Listed, encode, listed, write
 POLICIES = {"uint16": "boxer", "uint8": "boxer_crowd", "float32": "boxer_float32"}
 """Policies whose tables control reads as these types; the last is the first, stored otherwise."""
 CROWDS = [f"{size} {kind}" for size in ("few", "many") for kind in POLICIES]
-USES = ("training", *CROWDS, "bvh", "clouds", "pictures")
+USES = ("training", *CROWDS, "bvh", "clouds", "bodies", "pictures")
 
 
 def watch() -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -87,6 +87,7 @@ def commands(use: str, folder: Path) -> list[list[str]]:
     return {
         "training": [["train", name, "--force"] for name in POLICIES.values()],
         "bvh": [["export", run, "--bvh", "--out", str(folder)]],
+        "bodies": [["export", run, "--glb", "--out", str(folder)]],
         "clouds": [["export", run, "--ply", "--out", str(folder)]],
         "pictures": [["render", run, "--out", str(folder / "pictures"), "--frames", "80:82"]],
     }[use]

@@ -28,7 +28,7 @@ class Scene(NamedTuple):
 
     Attributes:
         frames: Control frames.
-        exports: What is exported of every tenth frame.
+        exports: What is exported, clouds of every tenth frame.
         pictures: Output frames that are drawn.
         scenario: The scenario, where it is not called as the scene is.
         sets: What is changed in it.
@@ -103,7 +103,8 @@ def measure(names: list[str]) -> dict[str, str]:
             found[f"{scene}: run"] = digest(run)
             if about.exports:
                 out = folder / f"{scene}_export"
-                command("export", str(run), *about.exports, "--every", "10", "--out", str(out))
+                every = [] if about.exports == ("--bvh",) else ["--every", "10"]
+                command("export", str(run), *about.exports, *every, "--out", str(out))
                 found[f"{scene}: export"] = digest(out)
             if about.pictures:
                 out = folder / f"{scene}_pictures"

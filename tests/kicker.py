@@ -28,6 +28,8 @@ def stand(seconds: float) -> Clip:
         rotations[:, ARMS[side]] = quaternion.from_rotation_vector(np.array([0.0, 0.0, -1.2 * sign]))
         rotations[:, FOREARMS[side]] = quaternion.from_rotation_vector(np.array([0.0, -2.0 * sign, 0.0]))
     roots = np.tile([0.0, PELVIS_HEIGHT, 0.0], (frames, 1))
+    # Nobody stands as still as a rig whose root is fixed.
+    roots[:, 0] = roots[:, 2] = 0.003 * np.sin(np.arange(frames) / FPS)
     return Clip("kicker", skeleton, FPS, roots, rotations)
 
 

@@ -205,8 +205,9 @@ def test_swings_that_are_no_strikes_are_counted_by_reason() -> None:
     swing = {"seconds": 1.0, "hand": "left", "speed": 3.0, "reason": "short"}
     figures = {
         "joints": 22, "end_sites": 5, "channels": 69, "frames": 240, "fps": 60.0, "seconds": 4.0, "unit_scale": 0.01,
-        "up_axis": "y", "height_m": 1.75, "roles": {}, "lead_in_frames": 0, "lost_frames": 0, "floor_m": -0.031, "contacts": 3,
-        "contact_share": [0.5, 0.75], "strikes": 0, "strikes_by_limb": {}, "highest_fist_speed": 3.2, "strike_list": [],
+        "up_axis": "y", "height_m": 1.75, "roles": {}, "lead_in_frames": 0, "lost_frames": 0, "floor_m": -0.031,
+        "contacts": 3, "contact_share": [0.5, 0.75],
+        "strikes": 0, "strikes_by_limb": {}, "highest_fist_speed": 3.2, "strike_list": [],
         "rejected_list": [swing, swing, {**swing, "reason": "no_reach"}],
     }  # fmt: skip
     lines = capture_lines(figures)

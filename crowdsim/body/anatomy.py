@@ -15,6 +15,7 @@ import numpy as np
 from crowdsim.body.binding import Binding
 from crowdsim.body.field import Shapes
 from crowdsim.core.types import Array
+from crowdsim.errors import nearest
 
 Triple = tuple[float, float, float]
 _ROUND = (1.0, 1.0, 1.0)
@@ -28,11 +29,21 @@ class Build:
         sex: ``male`` or ``female``.
         kind: ``lean``, ``athletic`` or ``heavy``.
         hands: ``gloves`` or ``bare``.
+
+    Raises:
+        ValueError: One is none of these.
     """
 
     sex: str = "male"
     kind: str = "athletic"
     hands: str = "gloves"
+
+    def __post_init__(self) -> None:
+        """Refuse what there is not."""
+        for name, known in (("sex", SEXES), ("kind", KINDS), ("hands", HANDS)):
+            value = getattr(self, name)
+            if value not in known:
+                raise ValueError(f"{name} is {value!r}, expected {', '.join(known)}{nearest(value, known)}")
 
 
 SEXES, KINDS, HANDS = ("male", "female"), ("lean", "athletic", "heavy"), ("gloves", "bare")

@@ -196,9 +196,8 @@ def _unit(v: object) -> Array:
 
 def _of_matrix(matrix: Array) -> Array:
     """The quaternion of a rotation matrix."""
-    products = np.concatenate([[[np.trace(matrix)]], np.zeros((1, 3))], axis=1)
     whole = np.zeros((4, 4))
-    whole[0, 0] = products[0, 0]
+    whole[0, 0] = np.trace(matrix)
     whole[0, 1:] = whole[1:, 0] = [
         matrix[2, 1] - matrix[1, 2],
         matrix[0, 2] - matrix[2, 0],

@@ -18,6 +18,7 @@ from crowdsim.body.parts import SKIN_PARTS, dress, wanted_lengths
 from crowdsim.body.weights import bending_joints, bind_vertices, bone_axes, limb_shares
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
+from crowdsim.errors import MotionError
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
 from crowdsim.motion.skeleton import Skeleton
@@ -137,6 +138,8 @@ class Skin:
 def pose_skins(skins: Sequence[Skin], matrices: Array, threads: int = 1) -> tuple[Array, Array]:
     """Return the vertices (n, V, 3) [m] and normals (n, V, 3) in the world of avatars of one build, float32.
 
+    This is what readers of exported skins are held against, and for Python.
+
     Args:
         skins: Skin of each avatar.
         matrices: What ``Skin.matrices`` returns, a row an avatar. Shape (n, J + 4, 3, 4).
@@ -149,12 +152,14 @@ def pose_skins(skins: Sequence[Skin], matrices: Array, threads: int = 1) -> tupl
     return out[0], out[1]
 
 
+_MOST_SKINS, _MOST_JOINTS = 64, 256
+"""Skins that are kept, and joints that a vertex can name with a byte."""
 _skins: dict[bytes, Skin] = {}
 _building = threading.Lock()
 
 
 def build_skin(skeleton: Skeleton, body: Body, build: Build, poses: Array | None = None) -> Skin:
-    """Return the skin of a body, which is made on the first call with these arguments and kept.
+    """Return the skin of a body, made on the first call with these arguments; the last ``_MOST_SKINS`` are kept.
 
     Args:
         skeleton: The skeleton [m].
@@ -171,7 +176,12 @@ def build_skin(skeleton: Skeleton, body: Body, build: Build, poses: Array | None
     key = digest.digest()
     with _building:
         if key not in _skins:
+            if skeleton.joint_count + HELPERS > _MOST_JOINTS:
+                most = _MOST_JOINTS - HELPERS
+                raise MotionError(f"the skeleton has {skeleton.joint_count} joints, expected {most} at most for a skin")
             _skins[key] = _build(skeleton, body, build, poses)
+            while len(_skins) > _MOST_SKINS:
+                del _skins[next(iter(_skins))]
         return _skins[key]
 
 

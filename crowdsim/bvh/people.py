@@ -26,7 +26,7 @@ _APART = 0.2
 """Share of a body's size by which two bodies that hang on one root lie apart."""
 
 
-def split_name(path: FileName) -> tuple[Path, int | None]:
+def split_person(path: FileName) -> tuple[Path, int | None]:
     """Return the file that a name means, and the number of the person in it: 2 of ``capture.bvh#2``.
 
     The number is None without one, and where a file has that name.
@@ -49,7 +49,7 @@ def read_people(path: FileName) -> list[Bvh]:
     Raises:
         BvhError: The file is no BVH, or has no person of that number.
     """
-    file, number = split_name(path)
+    file, number = split_person(path)
     bvh = read_bvh(file)
     roots, scene = np.flatnonzero(bvh.parents < 0), _bodies(bvh)
     count = len(scene) or len(roots)

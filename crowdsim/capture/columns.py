@@ -45,26 +45,6 @@ def with_path(bvh: Bvh, joint: int, path: Array) -> Bvh:
     return with_motion(bvh, motion)
 
 
-def with_joints(bvh: Bvh, joints: Array) -> Bvh:
-    """Return the file with some of its joints alone, in order; their parents are among them."""
-    place = np.full(bvh.joint_count, -1)
-    place[joints] = np.arange(len(joints))
-    starts = bvh.first_channels()
-    kept = [column for joint in joints for column in range(int(starts[joint]), int(starts[joint + 1]))]
-    ends = np.flatnonzero(place[bvh.end_parents] >= 0)
-    return replace(
-        bvh,
-        names=tuple(bvh.names[joint] for joint in joints),
-        parents=np.where(bvh.parents[joints] >= 0, place[bvh.parents[joints]], -1).astype(np.int32),
-        offsets=bvh.offsets[joints],
-        channels=tuple(bvh.channels[joint] for joint in joints),
-        end_parents=place[bvh.end_parents[ends]].astype(np.int32),
-        end_offsets=bvh.end_offsets[ends],
-        end_names=tuple(bvh.end_names[end] for end in ends),
-        motion=np.ascontiguousarray(bvh.motion[:, kept]),
-    )
-
-
 def _columns(bvh: Bvh, kind: str) -> tuple[Array, Array, Array]:
     """Joint, column and axis of every channel of a kind."""
     starts = bvh.first_channels()

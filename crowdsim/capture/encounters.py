@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -23,6 +23,9 @@ _BEFORE, _AFTER = 0.1, 0.08
 _STRIKER, _ARM = 0.05, 0.045
 """Radius of a fist or foot, and of an arm, of a body of ``HEIGHT`` [m]."""
 
+_MOVES = {"tilt", "root_path", "root_jumps", "handedness", "in_place", "time_base", "rotations"}
+"""Repairs that move one person against the others."""
+
 Outcome = Literal["landed", "blocked", "missed", "air"]
 
 
@@ -35,7 +38,7 @@ class Encounter:
         attacker: Number of the person in the list.
         victim: Number of the nearest other one.
         limb: Number of ``strikes.LIMBS``.
-        outcome: Landed on head or trunk, blocked by an arm, missed, or thrown at the air with nobody near.
+        outcome: Landed on head or trunk, blocked by an arm, missed, or thrown at the air with no other person near.
         gap: Least distance of the fist or foot from head and trunk [m].
     """
 
@@ -51,23 +54,27 @@ def find_encounters(captures: Sequence[Capture]) -> list[Encounter]:
     """Return what became of the strikes of the people of one file, by time.
 
     Args:
-        captures: The people, as ``load_people`` returns them; those without a body take no part.
+        captures: The people, as ``load_people`` returns them; those without a body take no part. Where one of them
+            was moved by a repair, or has units or axes of its own, nothing is known of distances between them.
     """
+    moved = any(one.done != "kept" and one.diagnosis.fault in _MOVES for each in captures for one in each.diagnoses)
+    if moved or len({(one.unit_scale, one.up_axis) for one in captures if one.body is not None}) > 1:
+        return []
     people = [(number, capture) for number, capture in enumerate(captures) if capture.analysis is not None]
+    surfaces = {number: _Surfaces(capture) for number, capture in people} if len(people) > 1 else {}
     found: list[Encounter] = []
     for number, capture in people:
-        others = [(other, one) for other, one in people if other != number]
+        others = {other: one for other, one in surfaces.items() if other != number}
         if others:
             found.extend(_encounters(number, capture, others))
     return sorted(found, key=lambda one: (one.seconds, one.attacker))
 
 
-def _encounters(number: int, capture: Capture, others: Sequence[tuple[int, Capture]]) -> list[Encounter]:
+def _encounters(number: int, capture: Capture, surfaces: Mapping[int, _Surfaces]) -> list[Encounter]:
     """Return the strikes of one person at others."""
     analysis = capture.analysis
     assert analysis is not None
     found = []
-    surfaces = {other: _Surfaces(one) for other, one in others}
     strikes = analysis.strikes
     for frame, limb in zip(strikes.frames.tolist(), strikes.limbs.tolist(), strict=True):
         window = np.arange(max(0, frame - round(_BEFORE * ANALYSIS_RATE)), frame + round(_AFTER * ANALYSIS_RATE) + 1)

@@ -168,7 +168,8 @@ def _interpret(
     elif rate is not None:
         choices[RATE] = rate
     reading = Reading(bvh if not isinstance(rate, float) else replace(bvh, fps=rate), scale, axis)
-    reading, diagnoses = _without_faults(reading, choices)
+    # A rate that somebody gives is not doubted.
+    reading, diagnoses = _without_faults(reading, choices, RATE if isinstance(rate, float) else "")
     roles, clip, body = reading.roles, reading.clip, reading.body
     if not roles:
         notes.fault(f"no human body found in {clip.skeleton.joint_count} joints: {_names(clip.skeleton)}")
@@ -217,7 +218,7 @@ def check_choices(faults: Mapping[str, str | float]) -> dict[str, Choice | float
     for name, choice in faults.items():
         if name not in names:
             raise MotionError(f"fault {name!r} is unknown{nearest(name, names)}; expected {', '.join(names)}")
-        if name == RATE and isinstance(choice, int | float) and 1.0 <= choice <= 2000.0:
+        if name == RATE and isinstance(choice, int | float) and not isinstance(choice, bool) and 1 <= choice <= 2000:
             checked[name] = float(choice)
         elif choice in get_args(Choice):
             checked[name] = cast(Choice, choice)
@@ -227,7 +228,9 @@ def check_choices(faults: Mapping[str, str | float]) -> dict[str, Choice | float
     return checked
 
 
-def _without_faults(reading: Reading, choices: Mapping[str, Choice | float]) -> tuple[Reading, list[Outcome]]:
+def _without_faults(
+    reading: Reading, choices: Mapping[str, Choice | float], known: str = ""
+) -> tuple[Reading, list[Outcome]]:
     """Examine a reading for every kind of fault; return it as repaired, and what was found and done.
 
     A file that is refused is returned as it is from there on; what else is wrong is looked for as if it were repaired.
@@ -235,7 +238,7 @@ def _without_faults(reading: Reading, choices: Mapping[str, Choice | float]) -> 
     outcomes: list[Outcome] = []
     examined = reading
     for fault in FAULTS:
-        diagnosis = fault.examine(examined)
+        diagnosis = fault.examine(examined) if fault.name != known else None
         if diagnosis is None:
             continue
         outcome = decide(diagnosis, cast("Choice | None", choices.get(fault.name)))

@@ -13,7 +13,7 @@ import numpy as np
 
 from crowdsim.bvh.file import FARTHEST
 from crowdsim.bvh.io import Bvh, rotate_up, to_clip
-from crowdsim.bvh.people import split_name
+from crowdsim.bvh.people import split_person
 from crowdsim.capture import units
 from crowdsim.capture.columns import path_of, with_path
 from crowdsim.capture.evidence import Evidence, gather_evidence
@@ -55,7 +55,7 @@ class Reading:
         bvh = self.bvh
         if bvh.motion.size and not np.abs(bvh.motion).max() <= FARTHEST:
             bvh = replace(bvh, motion=np.where(np.abs(bvh.motion) <= FARTHEST, bvh.motion, np.nan))
-        file, number = split_name(bvh.path)
+        file, number = split_person(bvh.path)
         return replace(to_clip(bvh), name=file.stem if number is None else f"{file.stem}#{number}")
 
     @cached_property

@@ -48,13 +48,14 @@ def export(
             written = export_take(unpacked, run, run.policies, outputs, target, threads, bars, force)
     for kind, files in written.items():
         size = sum(path.stat().st_size for path in files)
-        say(f"{target / kind}: {len(files):,} file{'s' if len(files) > 1 else ''}, {size_text(size)}")
+        what = f"{len(files):,} file{'s' if len(files) > 1 else ''}, {size_text(size)}"
+        say(f"{target / kind}: {what if files else 'no file, since none of these avatars is there in these frames'}")
 
 
 def with_outputs(command: Callable[..., None]) -> Callable[..., None]:
     """Return ``export`` with an option for each output, and for each of the keys that only some have.
 
-    What outputs there are is looked up when the command is called, since others start faster without.
+    What outputs there are is looked up where this command is called, since others start faster without.
     """
     from crowdsim.export.posed import PosedOutput
     from crowdsim.runs.exports import EXPORTS
@@ -75,6 +76,6 @@ def with_outputs(command: Callable[..., None]) -> Callable[..., None]:
         )
         default = "" if field.default is None else f" {field.default} by default."
         about = f"{(field.description or '').replace('`', '')}{default} For {', '.join(kinds)}."
-        metavar = "NAMES" if kind is str else "N"
+        metavar = "N" if kind is not str else "NAMES" if "tuple" in str(field.annotation) else "NAME"
         options[key] = Annotated[kind | None, typer.Option(metavar=metavar, min=low, max=high, help=about)], None
     return add_options(functools.partial(command), command, options, at=1)

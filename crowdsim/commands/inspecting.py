@@ -44,14 +44,14 @@ def inspect(
 
     Where numbers of a BVH file are missing or wrong, or it is not to be trained on, the exit code is 2.
     """
-    from crowdsim.bvh.people import split_name
+    from crowdsim.bvh.people import split_person
     from crowdsim.runs.archive import is_archive
 
     path = Path(thing)
     if (path.is_dir() and not (path / "policy.json").exists()) or is_archive(path):
         with opened_run(path) as folder:
             _inspect_run(folder, as_json, plots, force)
-    elif split_name(path)[0].is_file() and path.suffix not in (".yaml", ".yml"):
+    elif split_person(path)[0].is_file() and path.suffix not in (".yaml", ".yml"):
         _inspect_bvh(path, as_json, plots, (unit, up, _choices(faults or [])), force)
     elif path.suffix.lower() == ".bvh":
         raise CrowdsimError(f"{path}: no such file")

@@ -43,7 +43,7 @@ def render(
     force: Force = False,
 ) -> None:
     """Render runs and BVH files to PNG, MP4 and contact sheets."""
-    from crowdsim.bvh.people import split_name
+    from crowdsim.bvh.people import split_person
     from crowdsim.compilation import watch_compilation
     from crowdsim.render.batch import Place
     from crowdsim.render.command import parse_size, render_many
@@ -88,7 +88,7 @@ def render(
             out / _without_suffix(thing).name
             if out is not None
             else _without_suffix(thing)
-            if split_name(thing)[0].suffix.lower() == ".bvh" or thing.is_file()
+            if split_person(thing)[0].suffix.lower() == ".bvh" or thing.is_file()
             else thing
             for thing in things
         ]
@@ -111,7 +111,7 @@ def render(
 
 def _without_suffix(thing: Path) -> Path:
     """Return a path without its suffix: ``capture#2`` for ``capture.bvh#2``."""
-    from crowdsim.bvh.people import split_name
+    from crowdsim.bvh.people import split_person
 
-    file, number = split_name(thing)
+    file, number = split_person(thing)
     return file.with_suffix("") if number is None else file.with_name(f"{file.stem}#{number}")

@@ -12,6 +12,7 @@ import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from enum import Enum
 from functools import lru_cache
 from typing import Any, ClassVar, TypeVar
 
@@ -149,12 +150,14 @@ def _plain(value: Any, loc: Loc, findings: list[Finding], depth: int) -> Any:
         value = value.tolist()
     if isinstance(value, os.PathLike):
         value = os.fspath(value)
+    if isinstance(value, Enum):
+        value = value.value
     if depth <= MAXIMUM_DEPTH:
         if isinstance(value, Mapping):
             return {str(key): _plain(item, (*loc, str(key)), findings, depth + 1) for key, item in value.items()}
         if isinstance(value, list | tuple):
             return [_plain(item, (*loc, index), findings, depth + 1) for index, item in enumerate(value)]
-    if value is None or isinstance(value, str | bool | int | float):
+    if value is None or type(value) in (str, bool, int, float):
         return value
     what = TOO_DEEP if depth > MAXIMUM_DEPTH else f"is of type {type(value).__name__}, expected what YAML can hold"
     findings.append(Finding(loc, what))

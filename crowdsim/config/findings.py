@@ -97,7 +97,8 @@ def refused_nulls(document: Document, top: Part) -> list[Finding]:
             value = value[at] if holds(value, at) else None
         said = part.get("description", "") + above.get("description", "")
         has_meaning = "null" in said.lower() or "without it" in said
-        if what.startswith("is empty") or (part and not has_meaning):
+        # What an unknown key is to be called matters more than that it has no value.
+        if part and (what.startswith("is empty") or not has_meaning):
             found.append(Finding(loc, f"{what}, expected {describe(part)}"))
     return found
 

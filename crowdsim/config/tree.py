@@ -223,7 +223,9 @@ class _Builder:
 
     def comment_behind(self, node: Node) -> str:
         """Say that a comment stands where the value that follows a node should be, such as a colour without quotes."""
-        _, mark, rest = self.lines[node.line - 1][node.column - 1 :].partition("#") if self.lines else ("", "", "")
+        # YAML knows other line breaks, too.
+        line = self.lines[node.line - 1] if node.line <= len(self.lines) else ""
+        _, mark, rest = line[node.column - 1 :].partition("#")
         word = rest.split(maxsplit=1)[0] if rest[:1].strip() else ""
         return f", since # begins a comment where '#{shortened(word)}' has no quotes" if mark and word else ""
 

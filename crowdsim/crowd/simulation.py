@@ -81,6 +81,8 @@ class Simulation:
         self.avatars: Avatars = build_avatars(crowd, self.model, order)
         self.present = int(np.count_nonzero(crowd.present))
         self.frame = 0
+        # The frame whose changes have been made.
+        self._changed_at = -1
         self.rate = crowd.rate
         self.outcome: Outcome | None = None
         self._workers = Workers(threads)
@@ -250,7 +252,10 @@ class Simulation:
         absent.x[:], absent.z[:], absent.heading[:] = np.nan, np.nan, np.nan
 
     def _apply_events(self) -> None:
-        """Make changes whose time has come, before this frame's decisions."""
+        """Make changes whose time has come, before this frame's decisions, and only once in a frame."""
+        if self._changed_at == self.frame:
+            return
+        self._changed_at = self.frame
         progress = self._agenda.progress
         progress.frame, progress.present = self.frame, self.present
         if len(self.avatars.conditions):

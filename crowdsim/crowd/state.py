@@ -27,6 +27,7 @@ STATE = (
     "_fresh",
     "present",
     "frame",
+    "_changed_at",
     "searches",
 )
 """What changes in a simulation while it runs and decides how it goes on; of avatars and world every array."""
@@ -54,6 +55,7 @@ def read_state(simulation: Changing) -> dict[str, Array]:
     state["outcome.frame"] = np.array(-1 if ended is None else ended.frame)
     state["outcome.standing"] = np.zeros(0, np.int64) if ended is None else ended.standing
     state["frame"] = np.array(simulation.frame)
+    state["changed"] = np.array(simulation._changed_at == simulation.frame)
     state["searches"] = np.array(simulation.searches, dtype="<U8")
     return state
 
@@ -92,6 +94,7 @@ def write_state(simulation: Changing, state: Mapping[str, Array]) -> None:
     until, ended = simulation.crowd.until, int(state["outcome.frame"])
     simulation.outcome = None if until is None or ended < 0 else Outcome(until.kind, ended, state["outcome.standing"])
     simulation.frame = int(state["frame"])
+    simulation._changed_at = simulation.frame if state["changed"] else -1
     simulation.searches = [str(search) for search in state["searches"]]
     simulation._index.reset()
 

@@ -41,6 +41,7 @@ class Changing(Protocol):
     avatars: Avatars
     present: int
     frame: int
+    _changed_at: int
     searches: list[str]
     outcome: Outcome | None
     _fresh: Array
@@ -158,7 +159,8 @@ def _check_world(state: Mapping[str, Array]) -> None:
 
 def _check_rest(simulation: Changing, state: Mapping[str, Array]) -> None:
     present, fresh, pending = state["present"], state["fresh"], state["agenda.pending"]
-    _refuse("present", present.view(np.uint8), present.view(np.uint8) <= 1)
+    for name in ("present", "changed"):
+        _refuse(name, state[name].view(np.uint8), state[name].view(np.uint8) <= 1)
     for name, numbers, count in (
         ("fresh", fresh, simulation.crowd.count),
         ("agenda.pending", pending, len(simulation.crowd.changes)),

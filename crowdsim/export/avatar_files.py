@@ -116,7 +116,7 @@ class AvatarSink:
         return len(self.avatars)
 
     def split(self, most: int) -> list[AvatarSink]:
-        """Return sinks of a few avatars each, whatever ``most`` says, since each writes the whole time anyway."""
+        """Return sinks of at most ``most`` avatars each, and of no more files than are written at once."""
         size = min(most, _FILES_AT_ONCE)
         parts = [self.avatars[low : low + size] for low in range(0, len(self.avatars), size)]
         return [AvatarSink(self._output, self._sampler, self._folder, part) for part in parts]

@@ -86,7 +86,7 @@ class GltfSink:
         take = sampler.take
         self.start, self.stop = frames or (0, take.output_frames(float(fps)))
         numbers: Array = np.arange(take.avatar_count) if avatars is None else np.unique(np.asarray(avatars))
-        self._sampler, self._path, self._fps, self._rotations = sampler, path, Fraction(fps), rotations
+        self._sampler, self._path, self._fps, self._rotations = sampler, path, _fraction(fps), rotations
         there = {int(number): _presence(sampler, int(number), self.start, self.stop, float(fps)) for number in numbers}
         there = {number: rows for number, rows in there.items() if rows.any()}
         self.avatars: Array = np.array(list(there), np.int64)
@@ -118,7 +118,9 @@ class GltfSink:
         return parts
 
     def write(self, block: Block, pool: ThreadPoolExecutor) -> None:
-        """Put a block of frames at its places."""
+        """Put a block of frames at its places; there is no file where no avatar ever comes."""
+        if not len(self.avatars):
+            return
         low, high = max(block.first_output, self.start), min(block.stop_output, self.stop)
         rows = slice(low - block.first, high - block.first)
         chosen = set(map(int, self.avatars))
@@ -207,7 +209,7 @@ class GltfSink:
             local[:joints][~moving] = still[~moving]
             for joint in range(joints + HELPERS):
                 below = [first + 1 + child for child, parent in enumerate(parents) if parent == joint]
-                w, x, y, z = (round(float(value), 6) for value in local[joint])
+                w, x, y, z = (round(float(value), 5) for value in local[joint])
                 document.nodes.append({
                     "name": names_[joint],
                     "translation": [round(float(value), 7) for value in offsets[joint]],
@@ -517,7 +519,12 @@ def write_gltf(
     """
     make_folder(path.parent)
     sink = GltfSink(sampler, path, fps, frames, avatars, rotations, builds)
-    return stream_poses(sampler, float(fps), [sink], threads, progress)[0] if len(sink.avatars) else []
+    return stream_poses(sampler, float(fps), [sink], threads, progress)[0]
+
+
+def _fraction(fps: float | Fraction) -> Fraction:
+    """A rate as a fraction: 29.97002997 is 30000/1001."""
+    return fps if isinstance(fps, Fraction) else Fraction(fps).limit_denominator(1001)
 
 
 def _whole_weights(weights: Array) -> Array:

@@ -105,7 +105,7 @@ class PosedOutput(Ranged):
 def _option_text(key: str, value: Any) -> str:
     if isinstance(value, tuple):
         return (":" if key == "frames" else ",").join(map(str, value))
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return str(value).removesuffix(".0")
 
 
 def file_names(output: Output, extent: Extent, names: Sequence[str]) -> list[str]:

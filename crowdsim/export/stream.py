@@ -110,8 +110,10 @@ def stream_poses(
         written = []
         for sink in sinks:
             files: list[Path] = []
+            before = 0
             for part in sink.split(_MANY_AVATARS):
-                files += _stream(sampler, fps, [part], pool, _after(progress, len(files), sink.total))[0]
+                files += _stream(sampler, fps, [part], pool, _after(progress, before, sink.total))[0]
+                before += part.total
             written.append(files)
         return written
 

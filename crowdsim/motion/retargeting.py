@@ -9,8 +9,10 @@ on the scale of the arms. What is planted in the source stays planted.
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -93,7 +95,7 @@ def retarget(source: MeasuredClip, target: MeasuredClip) -> Retargeted:
         MotionError: Proportions are too unlike to be those of two people: which bones, with their lengths.
     """
     ours, theirs = _Rig(source), _Rig(target)
-    unlike = unlike_bones(source, target)
+    unlike = _unlike_bones(ours, theirs, source.body.height, target.body.height)
     if unlike:
         raise MotionError(f"{source.clip.name!r} is unlike {target.clip.name!r}: {'; '.join(unlike)}")
     positions, rotations = clip_kinematics(source.clip)
@@ -129,17 +131,16 @@ def retarget(source: MeasuredClip, target: MeasuredClip) -> Retargeted:
     )
 
 
-def unlike_bones(source: MeasuredClip, target: MeasuredClip) -> list[str]:
+def _unlike_bones(ours: _Rig, theirs: _Rig, own_height: float, height: float) -> list[str]:
     """Return in words which bones are too unlike to be those of two people, with their joints and lengths."""
-    ours, theirs = _Rig(source), _Rig(target)
-    size = source.body.height / target.body.height
+    size = own_height / height
     found = []
     for name, (start, end) in BONES.items():
         ratio = ours.bones[name] / size / max(theirs.bones[name], 1e-9)
         if not 1.0 / MOST_UNLIKE < ratio < MOST_UNLIKE:
             joints = " to ".join(ours.named(role) for role in (start, end))
             found.append(
-                f"{name} ({joints}) of {100.0 * ours.bones[name]:.1f} cm at a height of {source.body.height:.2f} m, "
+                f"{name} ({joints}) of {100.0 * ours.bones[name]:.1f} cm at a height of {own_height:.2f} m, "
                 f"expected about {100.0 * size * theirs.bones[name]:.1f} cm"
             )
     return found
@@ -336,11 +337,17 @@ def _swings(ours: _Rig, theirs: _Rig, rotations: Array) -> Array:
                 own = ours.roles.get(role, ours.roles[f"{side}_foot"])
                 bone = theirs.between(theirs.roles[role], theirs.roles[after]) if after in theirs.roles else []
                 follow(bone or [theirs.roles[role]], [own])
-    # Fingers, eyes and the like follow those of the same name, else what they hang on.
-    names = {name: joint for joint, name in enumerate(ours.tree.names)}
-    for joint in range(theirs.skeleton.joint_count):
+    # Fingers, eyes and the like follow those of the same name, else what they hang on. Names are known without numbers:
+    # the second joint of a name follows the second one.
+    alike: dict[Any, list[int]] = {}
+    for joint, name in enumerate(ours.tree.names):
+        alike.setdefault(name, []).append(joint)
+    seen: Counter[Any] = Counter()
+    for joint, name in enumerate(theirs.tree.names):
+        same, place = alike.get(name, []) if name[1] else [], seen[name]
+        seen[name] += 1
         if taken[joint] < 0:
-            source = names.get(theirs.tree.names[joint]) if theirs.tree.names[joint][1] else None
+            source = same[min(place, len(same) - 1)] if same else None
             parent = theirs.tree.parents[joint]
             result[:, joint] = away[:, source] if source is not None else result[:, parent]
             taken[joint] = taken[parent] if source is None else source

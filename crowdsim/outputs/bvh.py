@@ -6,7 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pydantic import ValidationError
+
 from crowdsim.core.types import Array, Progress
+from crowdsim.errors import OutputError
 from crowdsim.export.avatar_files import AvatarFiles
 from crowdsim.export.stream import Block, stream_poses
 from crowdsim.files import make_folder
@@ -73,10 +76,14 @@ def export_bvh(
         The files, in the order of the avatars.
 
     Raises:
-        OutputError: The folder cannot be made, or a file cannot be written.
+        OutputError: The folder cannot be made, a file cannot be written, or rate or frames are none.
     """
     make_folder(folder)
-    output = BvhOutput(fps=fps, frames=frames, avatars=None if avatars is None else tuple(map(int, avatars)))
+    try:
+        output = BvhOutput(fps=fps, frames=frames, avatars=None if avatars is None else tuple(map(int, avatars)))
+    except ValidationError as error:
+        found = error.errors()[0]
+        raise OutputError(f"bvh: {'.'.join(map(str, found['loc']))}: {found['msg']}") from None
     return stream_poses(sampler, fps, [output.sink(sampler, folder)], threads, progress)[0]
 
 

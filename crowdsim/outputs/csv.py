@@ -74,6 +74,8 @@ class CsvOutput(AvatarFiles):
         """Append rows of a block of poses: output frame, its time [s], and positions [m]."""
         from crowdsim.bvh.writer import format_motion
 
+        if not len(rows):
+            return
         positions = block.joints[policy][0][rows, column][:, writer.joints]
         frames = block.first + rows
         table = np.column_stack([frames / self.rate, positions.reshape(len(rows), -1)])

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
+from crowdsim.config.files import Finding
 from crowdsim.export.posed import POSE_SECONDS, PosedOutput, extent_of
 from crowdsim.export.stream import Sink
 from crowdsim.scenario.output import Extent, Series
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from crowdsim.poses.sampler import PoseSampler
 
 _FILE = "glb/take.glb"
+_LARGEST = 2**32
 _POSE_BYTES = {"float32": 400.0, "int16": 210.0}
 """Bytes of an avatar at a time, measured with the shipped scenarios."""
 _SKIN_BYTES, _AVATAR_BYTES = 300_000.0, 8_000.0
@@ -27,7 +29,7 @@ class GlbOutput(PosedOutput):
 
     name = "glb"
     about = "Skinned bodies and their motion as binary glTF 2.0, one file for all avatars."
-    kernels = "bvh"
+    kernels = "bodies"
 
     rotations: Literal["float32", "int16"] = Field(
         default="float32", description="How rotations are stored: `float32`, or `int16`, which takes half the room."
@@ -42,6 +44,13 @@ class GlbOutput(PosedOutput):
         """Yield the name of the file."""
         if self.frame_count(extent):
             yield _FILE
+
+    def findings_for(self, extent: Extent) -> Iterator[Finding]:
+        """Yield a finding where the file would be larger than glTF files can be."""
+        size = self.cost(extent)[0]
+        if size >= _LARGEST:
+            what = f"would have about {size / 1e9:.1f} GB, glTF files have at most {_LARGEST / 1e9:.1f}; "
+            yield Finding((), what + "expected fewer avatars or frames, a lower rate, or rotations: int16")
 
     def cost(self, extent: Extent) -> tuple[float, float]:
         """Return about how much room the file takes [bytes], and how long one core writes it [s]."""

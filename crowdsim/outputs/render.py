@@ -143,7 +143,15 @@ class RenderOutput(Ranged):
 
     def command(self, run: str) -> list[str]:
         """Return the words of the command that draws them from a finished run."""
-        words = ["crowdsim", "render", run, "--size", f"{self.size[0]}x{self.size[1]}", "--fps", f"{self.fps:g}"]
+        words = [
+            "crowdsim",
+            "render",
+            run,
+            "--size",
+            f"{self.size[0]}x{self.size[1]}",
+            "--fps",
+            str(self.fps).removesuffix(".0"),
+        ]
         words += ["--png"] * self.png + ["--mp4"] * self.mp4
         words += ["--contact-sheet", str(self.contact_sheet)] if self.contact_sheet else []
         words += ["--camera", self.camera] if isinstance(self.camera, str) else []

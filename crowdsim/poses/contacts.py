@@ -14,7 +14,7 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.strikes import LIMBS
 from crowdsim.policy.rewards import TargetBody, posed_distance
 from crowdsim.poses.capsules import PosedBodies
-from crowdsim.poses.guards import guard_of, guard_points
+from crowdsim.poses.guards import guard_of, guard_points, unit
 from crowdsim.poses.hits import Landed
 from crowdsim.poses.kernels.fists import LEAN
 from crowdsim.poses.layer import Part
@@ -97,15 +97,11 @@ def _near_side(
     gaps = [np.linalg.norm(point - middle, axis=-1) for middle in (head, centre)]
     on_head = gaps[0] - head_radius <= gaps[1] - torso_radius
     middle, radius = np.where(on_head[:, None], head, centre), np.where(on_head, head_radius, torso_radius)
-    way, out = _unit(origin - middle), _unit(point - middle)
+    way, out = unit(origin - middle), unit(point - middle)
     ahead = np.sum(out * way, axis=-1)
-    aside = _unit(out - ahead[:, None] * way)
+    aside = unit(out - ahead[:, None] * way)
     around = middle + radius[:, None] * (_FACING * way + math.sqrt(1.0 - _FACING**2) * aside)
     return np.where((ahead < _FACING)[:, None], around, point)
-
-
-def _unit(vectors: Array) -> Array:
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9))
 
 
 def body_points(body: Body, positions: Array, rotations: Array, scales: Array) -> tuple[Array, Array, Array, Array]:

@@ -39,7 +39,7 @@ USUAL = Gait(0.14, 0.25, 0.024, 0.06, 0.0)
 
 
 def measure_gait(contacts: Array, points: Array, starts: Array, rate: float) -> Gait:
-    """Return how feet step, and about which points they rotate on the floor.
+    """Return how feet step.
 
     Args:
         contacts: Whether each foot is planted, over P frames. Shape (P, 2), bool.

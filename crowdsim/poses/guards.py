@@ -60,13 +60,14 @@ def guard_points(points: Array, origins: Array, guard: Guard) -> Array:
     gaps = np.linalg.norm(points[:, None] - middles, axis=-1) - radii
     rows, nearest = np.arange(len(points)), np.argmin(gaps, axis=1)
     middle, radius = middles[rows, nearest], radii[rows, nearest]
-    way = _ASIDE * _unit(points - middle) + _unit(origins - middle)
+    way = _ASIDE * unit(points - middle) + unit(origins - middle)
     # Along a forearm it would come no further out of it.
     arm = nearest // 2
-    bones, beside = _unit(axes[rows, arm]), (nearest % 2 == 0) & (along[rows, arm] > 0.0) & (along[rows, arm] < 1.0)
+    bones, beside = unit(axes[rows, arm]), (nearest % 2 == 0) & (along[rows, arm] > 0.0) & (along[rows, arm] < 1.0)
     way = way - np.where(beside, np.sum(way * bones, axis=-1), 0.0)[:, None] * bones
-    return np.asarray(middle + _unit(way) * (radius + guard.gloves - _GIVES)[:, None])
+    return np.asarray(middle + unit(way) * (radius + guard.gloves - _GIVES)[:, None])
 
 
-def _unit(vectors: Array) -> Array:
+def unit(vectors: Array) -> Array:
+    """Return vectors of length 1. Shape (..., 3)."""
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9))

@@ -92,7 +92,7 @@ class Layer:
             reads itself does so one hop further on.
         looks: How long before and after its time it reads them [s].
         hops: Up to how many hops away it counts.
-        size: How far it moves any point of a body at the most, together with all that move less [m]; measured.
+        size: How far this layer, and all layers of a smaller size, can move any point of a body in total [m]; measured.
     """
 
     name: ClassVar[str]

@@ -37,7 +37,7 @@ class Poser:
         motions: The motion of each of its policies.
         threads: Threads that share the work.
         reactions: Whether landed strikes move those whom they hit.
-        without: Names of layers that are left out, of others that are read too.
+        without: Names of layers to leave out, also where a layer reads other avatars.
         base: A poser of the same take with all layers; those that read none that is left out are shared with it.
         kinds: The layers, in the order in which they are added.
 

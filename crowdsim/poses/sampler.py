@@ -31,6 +31,7 @@ from crowdsim.poses.layer import Block
 from crowdsim.poses.layers import LAYERS
 from crowdsim.poses.motion import PoseMotion, prepare_motion
 from crowdsim.poses.poser import Poser
+from crowdsim.poses.recent_rows import RecentRows
 from crowdsim.poses.window import Window
 from crowdsim.poses.world import world_joints
 
@@ -145,7 +146,9 @@ class PoseSampler:
         take = with_known_actions(take, policies)
         if take.frame_count * take.avatar_count <= _IN_MEMORY:
             arrays: dict[str, Any] = {name: np.asarray(getattr(take, name)[:]) for name in _READ}
-            take = replace(take, **arrays)
+        else:
+            arrays = {name: RecentRows(getattr(take, name)) for name in _READ}
+        take = replace(take, **arrays)
         self.take = take
         self.policies = tuple(policies)
         self.motions = [prepare_motion(policy) for policy in policies]

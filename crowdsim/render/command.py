@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from crowdsim.bvh.people import split_name
+from crowdsim.bvh.people import split_person
 from crowdsim.core.types import FileName, Progress
 from crowdsim.errors import CrowdsimError, OutputError
 from crowdsim.render.batch import Record, Rendered, render
@@ -149,7 +149,7 @@ def render_many(
     for index, (path, out) in enumerate(zip(paths, outs, strict=True)):
         notes: tuple[str, ...] = ()
         try:
-            if split_name(path)[0].suffix.lower() == ".bvh" or open_source is None:
+            if split_person(path)[0].suffix.lower() == ".bvh" or open_source is None:
                 rendered, notes = render_bvh(path, out, options, progress, record)
             else:
                 source, notes = open_source(path, options)

@@ -78,14 +78,15 @@ class Stage:
         return picture
 
     def scales(self, frame: int) -> Array:
-        """Return at how many pixels a metre each avatar shows at a frame, 0 where nothing of it does. Shape (N,)."""
+        """Return at how many pixels a metre each avatar shows at a frame, 0 where nothing of it is seen. Shape (N,)."""
         ground, edges = self.source.ground(np.array([frame]))[0], self._edges()
-        ground = np.where(np.isfinite(ground), ground, 0.0)
+        there = np.isfinite(ground).all(axis=1)
+        ground = np.where(there[:, None], ground, 0.0)
         seen = [
             track.view(frame).scales(ground, (right - left, self.size[1]))
             for track, left, right in zip(self.tracks, edges[:-1], edges[1:], strict=True)
         ]
-        return np.asarray(np.max(seen, axis=0))
+        return np.where(there, np.max(seen, axis=0), 0.0)
 
     def _edges(self) -> list[int]:
         """Left edge of each camera's part, and the right edge of the last [px]."""

@@ -99,14 +99,14 @@ class TakeSource:
 
     def ground(self, frames: Array) -> Array:
         """Return the ground transforms of all avatars at some frames; NaN while absent. Shape (n, N, 3)."""
-        control = np.clip(np.asarray(frames) / self.fps * self.take.control_rate, 0, self.take.frame_count - 1)
+        # The sampler keeps the rows that it has read last.
+        take = self._sampler.take
+        control = np.clip(np.asarray(frames) / self.fps * take.control_rate, 0, take.frame_count - 1)
         before = np.floor(control + 1e-9).astype(np.int64)
-        after = np.minimum(before + 1, self.take.frame_count - 1)
+        after = np.minimum(before + 1, take.frame_count - 1)
         first, stop = int(before[0]), int(after[-1]) + 1
-        rows = np.stack(
-            [np.asarray(array[first:stop], float) for array in (self.take.x, self.take.z, self.take.heading)], -1
-        )
-        rows[np.asarray(self.take.action[first:stop]) < 0] = np.nan
+        rows = np.stack([np.asarray(array[first:stop], float) for array in (take.x, take.z, take.heading)], -1)
+        rows[np.asarray(take.action[first:stop]) < 0] = np.nan
         part = np.clip(control - before, 0.0, 1.0)[:, None, None]
         low, high = rows[before - first], rows[after - first]
         high = np.where(np.isfinite(high), high, low)
@@ -178,9 +178,8 @@ def _heights(policy: Policy) -> tuple[float, float]:
 
 def _digest(take: Take) -> str:
     """A text that differs between takes: of the settings, of a few frames and of all strikes."""
-    digest = hashlib.sha256(
-        repr((take.scenario, take.seed, take.fingerprints, take.control_rate, take.frame_count, take.status)).encode()
-    )
+    named = (take.scenario, take.seed, take.fingerprints, take.control_rate, take.frame_count, take.status)
+    digest = hashlib.sha256(repr((*named, take.reactions, take.collision_avoidance)).encode())
     cast, events = take.cast, take.events
     of_cast = (cast.types, cast.teams, cast.policies, cast.scales, cast.girths, cast.speeds, cast.colours)
     for array in (*of_cast, cast.stretches, events.point, events.outcome):

@@ -66,5 +66,4 @@ def write_outputs(
             # One file is named, of several the folder that they are in.
             found[output.label or output.name] = Path(commonpath(files)), files
             run.clock.lap(output.stage)
-    # Avatars that never came have no file.
     return {kind: (place, files) for kind, (place, files) in found.items() if files}

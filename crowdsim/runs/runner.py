@@ -242,8 +242,10 @@ def plan_run(one: Run, crowd: Crowd) -> Plan:
         ScenarioError: An output has the name of a file that the scenario reads, or there are too many files.
     """
     scenario = one.scenario
-    names = crowd.cast.names.tolist()
-    plan = plan_outputs(scenario.outputs.wanted(), Extent(len(names), crowd.frames, crowd.rate), names)
+    names, wanted = crowd.cast.names.tolist(), scenario.outputs.wanted()
+    extent = Extent(len(names), crowd.frames, crowd.rate)
+    scenario.refuse([output.place(finding) for output in wanted for finding in output.findings_for(extent)])
+    plan = plan_outputs(wanted, extent, names)
     count = sum(plan.counts().values())
     if count > MOST_FILES:
         raise ScenarioError(f"{scenario.name}: outputs are {count:,} files, expected at most {MOST_FILES:,}")

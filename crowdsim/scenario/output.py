@@ -99,6 +99,10 @@ class Output(StrictModel):
         """Yield what is wrong with it for the policies of its avatars."""
         yield from ()
 
+    def findings_for(self, extent: Extent) -> Iterator[Finding]:
+        """Yield what is wrong with it for a take of a length, at its own keys."""
+        yield from ()
+
     def place(self, finding: Finding) -> Finding:
         """Return a finding at one of its keys as one of the scenario's."""
         return replace(finding, loc=("outputs", self.name, *finding.loc))

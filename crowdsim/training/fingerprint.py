@@ -9,7 +9,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from crowdsim.bvh.people import split_name
+from crowdsim.bvh.people import split_person
 from crowdsim.core.types import FileName
 from crowdsim.errors import PolicyError, nearest
 from crowdsim.policy.bundle import canonical, file_hash
@@ -55,7 +55,7 @@ def capture_files(recipe: Recipe, mocap: FileName | None = None) -> list[Path]:
     found: dict[Path, None] = {}
     missing = []
     for pattern in recipe.motion.capture.clips:
-        literal = os.path.isfile(split_name(folder / pattern)[0])
+        literal = os.path.isfile(split_person(folder / pattern)[0])
         names = [pattern] if literal else sorted(glob.glob(pattern, root_dir=folder, recursive=True))
         files = [folder / name for name in names if literal or os.path.isfile(folder / name)]
         if not files:
@@ -63,7 +63,8 @@ def capture_files(recipe: Recipe, mocap: FileName | None = None) -> list[Path]:
         found.update(dict.fromkeys(files))
     if missing:
         raise PolicyError(_describe_missing(folder, missing))
-    return list(found)
+    # One of several people is not read again where the whole file is.
+    return [path for path in found if path.is_file() or split_person(path)[0] not in found]
 
 
 def bvh_files(folder: Path) -> list[Path]:
@@ -96,7 +97,7 @@ def fingerprints_of(recipe: Recipe, files: Sequence[Path] | None) -> dict[str, s
     folders = SOURCES if recipe.defend is None else SOURCES + FIGHTS
     prints = {"recipe": _hash(canonical(plain(recipe))), "sources": sources_hash(folders)}
     if files is not None:
-        prints["capture"] = _hash(canonical([[path.name, file_hash(split_name(path)[0])] for path in files]))
+        prints["capture"] = _hash(canonical([[path.name, file_hash(split_person(path)[0])] for path in files]))
     return prints
 
 

@@ -125,8 +125,7 @@ def test_attempts_that_die_are_counted_and_their_cause_is_known(
 
 def test_a_job_is_plain_data() -> None:
     assert {field.split(":")[0] for field in Job.__annotations__} == {
-        "batch", "id", "folder", "outputs", "mark", "policies", "session", "environment", "retries", "timeout",
-        "command",
+        "batch", "run", "session", "environment", "retries", "timeout", "command",
     }  # fmt: skip
 
 

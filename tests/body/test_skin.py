@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from crowdsim.body import skin as skins
-from crowdsim.body.anatomy import GIRTHS, HANDS, KINDS, SEXES, Build
+from crowdsim.body.anatomy import GIRTHS, KINDS, Build
 from crowdsim.body.binding import bind
 from crowdsim.body.field import Shapes, evaluate
 from crowdsim.body.meshing import cut, mesh_edges, relax, surface_nets, thicken, thin, unpinched
@@ -68,7 +68,10 @@ def test_builds_differ_as_their_names_say(skeleton: Skeleton, body: Body) -> Non
     ]
     assert volumes == sorted(volumes)
     assert volumes[2] > 1.1 * volumes[0]
-    assert (SEXES, HANDS, tuple(GIRTHS)) == (("male", "female"), ("gloves", "bare"), KINDS)
+    assert tuple(GIRTHS) == KINDS
+    for wrong in ({"sex": "men"}, {"kind": "heavi"}, {"hands": "fists"}):
+        with pytest.raises(ValueError, match="expected"):
+            Build(**wrong)
 
 
 def test_weights_add_up_and_are_those_of_joints_nearby(skin: Skin) -> None:

@@ -9,7 +9,7 @@ import pytest
 from people import placed, together
 
 from crowdsim.bvh.io import read_bvh, write_bvh
-from crowdsim.bvh.people import read_people, split_name
+from crowdsim.bvh.people import read_people, split_person
 from crowdsim.capture.loading import load_capture, load_people
 from crowdsim.errors import BvhError
 from crowdsim.motion import quaternion
@@ -94,7 +94,7 @@ def test_bodies_that_hang_on_one_root_are_taken_off_it(tmp_path, pair):
     turned = quaternion.rotate(quaternion.about_y(np.deg2rad(turn)), clip.root_positions) + np.array([0.5, 0.0, 0.0])
     np.testing.assert_allclose(first.clip.root_positions, turned, atol=1e-4)
     assert load_capture(f"{other}#2").body.height == pytest.approx(second.body.height)
-    # A copy of a body in the same place, as rigs have them, is nobody else.
+    # Rigs hold copies of a body in the same place: these are not further people.
     half = scene.channels[1 : 1 + clip.skeleton.joint_count]
     columns = 6 + sum(map(len, half))
     motion = scene.motion.copy()
@@ -105,11 +105,11 @@ def test_bodies_that_hang_on_one_root_are_taken_off_it(tmp_path, pair):
 
 def test_names_with_numbers_mean_people_unless_a_file_has_that_name(tmp_path, pair):
     _, path = pair
-    assert split_name(f"{path}#12") == (path, 12)
-    assert split_name(path) == (path, None)
-    assert split_name("a#0")[1] is None
+    assert split_person(f"{path}#12") == (path, 12)
+    assert split_person(path) == (path, None)
+    assert split_person("a#0")[1] is None
     odd = tmp_path / "take #2"
     odd.write_text("HIERARCHY")
-    assert split_name(odd) == (odd, None)
+    assert split_person(odd) == (odd, None)
     with pytest.raises(BvhError, match=r"pair.bvh: no person 3; the file has 2"):
         read_people(f"{path}#3")

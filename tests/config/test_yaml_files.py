@@ -163,6 +163,7 @@ KEYS = "name, seed, duration, size, places, either, named, mode"
             "name: a\nnote: #ff0000",
             "2:6: note: is empty, since # begins a comment where '#ff0000' has no quotes, expected text",
         ),
+        ("name: a\nnoet:", f"2:1: noet: unknown key, expected {KEYS} or note (did you mean 'note'?)"),
         ("name: a\nnote: ~", "2:7: note: is null, expected text"),
         ("name: a\nplaces:\n-", "3:2: places[0]: is empty, expected a mapping with kind: 'disc' or 'grid'"),
         (

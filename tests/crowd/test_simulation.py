@@ -478,3 +478,14 @@ def test_some_rows_of_a_record_are_of_the_same_kind_as_all():
     assert {values.shape for values in record} == {(5, 3)}
     for rows in (record.rows(0, 5), record.rows(0, 1), record.rows(2, 4), empty_record(1, 3).rows(0, 1)):
         assert typeof(rows) == typeof(record)
+
+
+def test_events_happen_in_the_same_frame_when_a_run_is_stepped():
+    late, first = np.arange(30) > 19, np.arange(30) == 0
+    changes = Change(Near(0, 1, 1000.0), who=first, present=False), Change(AtFrame(10), who=late, present=True)
+    people = replace(crowd(30, present=~late, group=late.astype(np.int64)), policies=POLICIES, changes=changes)
+    record, _ = whole(simulate(people, 20))
+    with Simulation(people) as one:
+        stepped = np.stack([one.step().action for _ in range(20)])
+    np.testing.assert_array_equal(stepped, record["action"])
+    assert np.argmax(record["action"][:, 0] < 0) == 11

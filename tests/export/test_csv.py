@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import crowdsim, write_scene
+from scenes import crowdsim, scene, write_scene
 
 from crowdsim.errors import CrowdsimError
 from crowdsim.export import stream
@@ -87,9 +87,9 @@ def test_the_command_writes_all_joints_of_some_frames_and_avatars(run: Path, cap
 @pytest.mark.parametrize(
     ("kinds", "keys", "what"),
     [
-        (["cvs"], {}, "cannot export 'cvs', expected bvh, ply, pcd, csv (did you mean 'csv'?)"),
+        (["cvs"], {}, "cannot export 'cvs', expected bvh, ply, pcd, csv, glb (did you mean 'csv'?)"),
         (["csv"], {"joint": "head"}, "no export has the key 'joint', expected frames, fps, avatars, every, points, "
-         "joints (did you mean 'joints'?)"),
+         "joints, rotations (did you mean 'joints'?)"),
         (["csv"], {"every": 0}, "csv: every: Input should be greater than or equal to 1"),
         (["csv"], {"frames": "5:2"}, "frames '5:2': is empty, expected the first frame before the last"),
     ],
@@ -141,3 +141,32 @@ def test_parts_of_a_take_have_the_rows_of_the_whole(run: Path, monkeypatch) -> N
     assert len(whole) == 80
     some = (run / "csv" / "red_1.csv").read_text().splitlines()
     assert some == [whole[0], *whole[1::3]]
+
+
+def test_blocks_without_rows_are_nothing_special(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = tables(run)
+    monkeypatch.setattr(stream, "_FRAMES_AT_ONCE", 2)
+    words = ("--fps", "30", "--every", "3", "--joints", "head,left_hand", "--out", "x")
+    assert crowdsim("export", run, "--csv", *words) == 0
+    assert tables(run.parent / "x") == whole
+
+
+def test_avatars_that_never_come_have_no_file_whatever_is_written_along(workplace: Path, capsys) -> None:
+    groups = [{**group, "waits": group["name"] == "blue"} for group in scene()["groups"]]
+    events = [{"kind": "add", "group": "blue", "when": {"kind": "strikes", "count": 10_000}}]
+    write_scene(workplace / "four.yaml", groups=groups, events=events, opponents={"kind": "anyone"})
+    assert crowdsim("run", "four.yaml", "--out", "run") == 0
+    for kinds in (("--glb",), ("--glb", "--bvh", "--csv")):
+        capsys.readouterr()
+        assert crowdsim("export", "run", *kinds, "--avatars", "blue_0", "--out", "x", "--force") == 0
+        assert "glb: no file, since none of these avatars is there in these frames" in capsys.readouterr().out
+        assert not list((workplace / "x").rglob("*.glb"))
+
+
+def test_a_glb_that_would_be_too_large_is_refused_before_the_run(workplace: Path, capsys) -> None:
+    write_scene(workplace / "four.yaml", duration=1_000_000, outputs={"glb": {}})
+    assert crowdsim("run", "four.yaml", "--out", "run") == 2
+    assert (
+        "outputs.glb: would have about 6.4 GB, glTF files have at most 4.3; expected fewer" in capsys.readouterr().err
+    )
+    assert not (workplace / "run").exists()

@@ -140,6 +140,8 @@ def test_times_of_broadcast_rates_are_exact(sampler: PoseSampler, tmp_path: Path
     times = scene.values(scene.gltf.animations[0].samplers[0].input)[:, 0]
     np.testing.assert_array_equal(times, np.array([np.float32(k * 1001 / 24000) for k in range(17)]))
     assert scene.gltf.scenes[0].extras["fps"] == "24000/1001"
+    (path,) = write_gltf(sampler, tmp_path / "near.glb", fps=29.97002997, frames=(3, 20))
+    assert Scene(path).gltf.scenes[0].extras["fps"] == "30000/1001"
 
 
 def test_chosen_avatars_and_frames_are_part_of_the_whole(

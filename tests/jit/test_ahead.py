@@ -168,7 +168,14 @@ def test_the_list_names_kernels_and_types_that_there_are():
         assert kernel.py_func.__qualname__ == entry.name
         assert [encode(kind) for kind in signature] == entry.arguments
     crowds = {f"{size} {table}" for size in ("few", "many") for table in ("float32", "uint16", "uint8")}
-    assert {use for entry in entries for use in entry.uses} == {"training", "bvh", "clouds", "pictures", *crowds}
+    assert {use for entry in entries for use in entry.uses} == {
+        "training",
+        "bvh",
+        "clouds",
+        "bodies",
+        "pictures",
+        *crowds,
+    }
 
 
 def test_each_type_of_a_table_has_kernels_of_its_own():

@@ -47,6 +47,8 @@ def base(tmp_path, monkeypatch):
     """The folder of kernels of a test alone."""
     from numba import config
 
+    # Numba reads its settings again when variables of the environment have changed, as by a test before this one.
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
     monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "kernels"))
     monkeypatch.setattr(cache._Cache, "room", 0)
     monkeypatch.syspath_prepend(tmp_path)

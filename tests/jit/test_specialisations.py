@@ -13,13 +13,13 @@ SEVERAL = {
     "core.segments.": "trunks are in double precision, capsules in single",
     "crowd.kernels.": "a policy's table has values of two bytes, or of one",
     "motion.kinematics_kernels.pose_joints": "clips are measured in double precision, databases hold single",
-    "policy.kernels.rewards.": "models are in single precision, strikes in motion that is judged in double",
+    "export.gltf_kernels.": "rotations are written as floats or as whole numbers",
+    "policy.": "models are in single precision; control, and strikes in motion that is judged, in double",
+    "poses.kernels.": "blocks of poses, and some of a block; a row of an array, or a column",
     "training.kernels.rewards.earned_where": "the same",
     "training.kernels.successors.": "for a cell, and for rows of cells at once",
-    "take.kernels.limbs.distance_between": "a line of arithmetic, of tuples and of arrays",
-    "take.kernels.transitions._doubles": "a row of an array, or a column",
 }
-"""Why some kernels have more than one, at most six; by the beginning of their names."""
+"""Why some kernels have more than one, at most eight; by the beginning of their names."""
 INLINED = "crowd.kernels.prefetch."
 """Requests for memory, of arrays of any kind and any number of rows: an instruction each, without code of their own."""
 
@@ -35,5 +35,5 @@ def test_kernels_have_one_signature_each_that_is_listed() -> None:
     assert report["signatures"] == 0, "run: python benchmarks/compilation.py --write"
     unexplained = [name for name in report["several"] if not name.startswith(tuple(SEVERAL))]
     assert not unexplained
-    assert max(several for name, several in report["several"].items() if not name.startswith(INLINED)) <= 6
+    assert max(several for name, several in report["several"].items() if not name.startswith(INLINED)) <= 8
     assert all(any(name.startswith(one) for name in report["several"]) for one in SEVERAL), "a reason that has gone"

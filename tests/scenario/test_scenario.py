@@ -268,7 +268,7 @@ def test_a_mistake_is_one_line(old, new, expected):
          ["10:28: outputs.render.camera: is 'tpo', expected 'auto', 'orbit', 'top' or 'side' or a mapping with kind: "
           "'follow' or 'keys' (did you mean 'top'?)"]),
         ("outputs: {png: {}}",
-         ["10:11: outputs.png: unknown key, expected take, bvh, ply, pcd, render, profile or csv"]),
+         ["10:11: outputs.png: unknown key, expected take, bvh, ply, pcd, render, profile, csv or glb"]),
         ("arena: {kind: circle, radius: .inf}", ["10:31: arena.radius: is .inf, expected a finite number"]),
     ],
 )  # fmt: skip

@@ -164,7 +164,7 @@ def test_a_take_keeps_what_became_of_strikes(tmp_path: Path) -> None:
     assert take.strikes()["outcome"].tolist() == list(OUTCOMES)
     assert take.strikes(outcome="blocked")["attacker"].tolist() == [2]
     assert len(take.strikes(landed=False, outcome="landed")) == 0
-    with pytest.raises(ValueError, match=r"outcome is 'evade', expected one of missed, .* \(did you mean 'evaded'"):
+    with pytest.raises(TakeError, match=r"outcome is 'evade', expected one of missed, .* \(did you mean 'evaded'"):
         take.strikes(outcome="evade")
 
 

@@ -11,7 +11,6 @@ from crowdsim.capture.faults.elbows import Elbows
 from crowdsim.capture.faults.ends import Ends
 from crowdsim.capture.faults.handedness import Handedness, Knees
 from crowdsim.capture.faults.in_place import InPlace
-from crowdsim.capture.faults.people import People
 from crowdsim.capture.faults.root_held import RootHeld
 from crowdsim.capture.faults.root_jumps import RootJumps
 from crowdsim.capture.faults.root_path import RootPath
@@ -20,7 +19,6 @@ from crowdsim.capture.faults.tilt import Tilt
 from crowdsim.capture.faults.time_base import TimeBase
 
 FAULTS: tuple[Fault, ...] = (
-    People(),
     Channels(),
     Angles(),
     Rotations(),

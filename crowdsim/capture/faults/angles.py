@@ -23,9 +23,9 @@ _TWICE = 2500.0
 _FROZEN = 0.25
 """A body of ``HEIGHT`` whose limbs stay within so much is frozen in its rest pose [m]."""
 _PLAINLY, _BETTER = 2.5, 1.25
-"""How much less what bears a body moves when angles are read right: beyond doubt, and at the least ..."""
+"""By how much the feet that bear a body slow down when angles are read right: beyond doubt, and at the least."""
 _RESTLESS = 0.08
-"""... if it moves more than this, as the feet of nobody do who keeps still [m/s]."""
+"""Speed of these feet from which on they are compared at all; a body that keeps still stays below it [m/s]."""
 _FASTEST = 16.0
 
 

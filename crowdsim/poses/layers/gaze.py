@@ -57,6 +57,10 @@ class HeadTurns(Layer):
         self._gazes = [build_gaze(motion) for motion in poser.motions]
         self.turns = Kept(take.frame_count, take.control_rate, take.avatar_count, (), self._find)
 
+    def prepare(self, avatars: Array, first: float, last: float) -> None:
+        """Find how far heads turn."""
+        self.turns.rows(self.turns.around(first, last), avatars)
+
     def plan(self, part: Part) -> Offsets:
         """Return how far heads turn about the vertical [rad]."""
         return self.turns.track(*part.span, part.window.avatars)

@@ -46,7 +46,7 @@ class Kicks(Layer):
     hops = 2
 
     def plan(self, part: Part) -> CarriedFeet | None:
-        """Return where feet touch; None where nobody kicks."""
+        """Return where feet touch; None without kicks."""
         near, hops = strikes_near(self.poser.landed, part), part.hops + 1
         near = near.of(~np.isin(near.limbs, HANDS))
         if not len(near.times):

@@ -100,7 +100,7 @@ class BlowPlanner:
 
     Args:
         landed: The take's landed and blocked strikes.
-        pose_at: Returns the joints of avatars in their motion, with its blends.
+        pose_at: Returns the joints of avatars with blends and separation alone.
         trunks: The joints that yield, policy by policy.
         policies: Policy of each avatar. Shape (N,).
         falls: Returns which avatars (E,) are down at times (E,) [s], or will be at once: blows do not show on them.

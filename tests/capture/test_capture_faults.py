@@ -212,37 +212,6 @@ def test_what_is_found_is_plain_data_with_how_sure_it_is(made, boxer, tmp_path):
     assert (fault["done"], fault["remedy"]) == ("repaired", "they are multiplied by 100")
 
 
-def test_people_who_hang_on_one_root_are_found_and_the_first_is_read(boxer, tmp_path):
-    count = boxer.skeleton.joint_count
-    skeleton = replace(
-        boxer.skeleton,
-        names=("World", *(f"{who}_{name}" for who in ("Red", "Blue") for name in boxer.skeleton.names)),
-        parents=np.concatenate([[-1], boxer.skeleton.parents + 1, boxer.skeleton.parents + 1 + count]).astype(np.int32),
-        offsets=np.concatenate([np.zeros((1, 3)), boxer.skeleton.offsets, boxer.skeleton.offsets]),
-        end_parents=np.concatenate([boxer.skeleton.end_parents + 1, boxer.skeleton.end_parents + 1 + count]),
-        end_offsets=np.tile(boxer.skeleton.end_offsets, (2, 1)),
-    )
-    skeleton.parents[1 + count] = 0
-    still = np.zeros((boxer.frame_count, 1, 4))
-    still[..., 0] = 1.0
-    rotations = np.concatenate([still, boxer.rotations, boxer.rotations[::-1]], axis=1)
-    moved = np.repeat(skeleton.offsets[None], boxer.frame_count, axis=0)
-    moved[:, 1] = boxer.root_positions
-    moved[:, 1 + count] = boxer.root_positions[::-1] + np.array([1.5, 0.0, 0.0])
-    both = replace(
-        boxer,
-        skeleton=skeleton,
-        rotations=rotations,
-        root_positions=np.zeros((boxer.frame_count, 3)),
-        translations=moved,
-    )
-    capture = written(tmp_path, from_clip(both))
-    assert [outcome.diagnosis.fault for outcome in capture.diagnoses] == ["people"]
-    assert capture.findings[0].startswith("people: 2 people hang on one root: 'Red_Hips', 'Blue_Hips' (97 % sure)")
-    alone = written(tmp_path, from_clip(boxer))
-    np.testing.assert_allclose(capture.analysis.tracks.fists, alone.analysis.tracks.fists, atol=1e-4)
-
-
 @pytest.mark.mocap
 def test_real_capture_is_free_of_false_alarms(mocap):
     found = {path.name: load_capture(path).diagnoses for path in sorted(mocap.rglob("*.bvh"))}

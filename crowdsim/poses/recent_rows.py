@@ -1,0 +1,45 @@
+"""Rows of arrays on disk that are read again and again."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from crowdsim.core.types import Array
+
+_AROUND, _MOST = 60, 1024
+"""Rows before and after those asked for that are read along; and rows beyond which none are kept."""
+
+
+class RecentRows:
+    """An array that is read from disk; the rows that were read last are kept.
+
+    Args:
+        array: The array.
+    """
+
+    def __init__(self, array: Any) -> None:
+        self._array, self.shape, self.dtype = array, array.shape, array.dtype
+        self._kept: tuple[int, Array] | None = None
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return int(self.shape[0])
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        """Return all rows."""
+        return np.asarray(self._array[:], dtype)
+
+    def __getitem__(self, key: Any) -> Any:
+        """Return rows."""
+        if not isinstance(key, slice):
+            return self._array[key]
+        low, high, step = key.indices(len(self))
+        if step != 1 or high - low > _MOST:
+            return self._array[key]
+        kept = self._kept
+        if kept is None or low < kept[0] or high > kept[0] + len(kept[1]):
+            first = max(low - _AROUND, 0)
+            kept = self._kept = first, np.asarray(self._array[first : min(high + _AROUND, len(self))])
+        return kept[1][low - kept[0] : high - kept[0]]

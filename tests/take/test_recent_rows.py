@@ -1,0 +1,30 @@
+"""Rows that were read last are kept."""
+
+import numpy as np
+
+from crowdsim.poses.recent_rows import RecentRows
+
+
+class Counted:
+    """An array that counts how often it is read."""
+
+    def __init__(self, values: np.ndarray) -> None:
+        self.values, self.shape, self.dtype, self.reads = values, values.shape, values.dtype, 0
+
+    def __getitem__(self, key):
+        self.reads += 1
+        return self.values[key]
+
+
+def test_rows_are_those_of_the_array_and_read_once() -> None:
+    counted = Counted(np.arange(6000).reshape(3000, 2))
+    rows = RecentRows(counted)
+    for low, high in ((100, 140), (90, 150), (2990, 3000), (0, 5), (4, 4), (0, 3000)):
+        np.testing.assert_array_equal(rows[low:high], counted.values[low:high])
+    np.testing.assert_array_equal(rows[7], counted.values[7])
+    np.testing.assert_array_equal(np.asarray(rows), counted.values)
+    assert len(rows) == 3000
+    before = counted.reads
+    for low in range(500, 520):
+        np.testing.assert_array_equal(rows[low : low + 40], counted.values[low : low + 40])
+    assert counted.reads == before + 1
