@@ -9,18 +9,19 @@ import numpy as np
 from naive_legs import crosses_legs
 from naive_opponents import nearest, neighbours
 from naive_policy import action_values
-from naive_strikes import at, thrown, what_is_seen
+from naive_strikes import at, ball, gap_to, thrown, tolerance_of, what_is_seen
 
 from crowdsim.crowd.kernels.choose import BURSTS, REDRAWN
 from crowdsim.crowd.kernels.intents import CLOSEST, SHYNESS
-from crowdsim.crowd.kernels.layout import BLOCKED, LANDED
+from crowdsim.crowd.kernels.layout import BLOCKED, FORESEEN, LANDED
+from crowdsim.crowd.kernels.observe import AT_HAND, WALKS
 from crowdsim.crowd.kernels.opponents import AVERTED, BEHIND, ENGAGED, HIT, REMEMBERED
 from crowdsim.crowd.kernels.shown_motion import CELL, LATEST
 from crowdsim.crowd.kernels.terms import variety
 from crowdsim.crowd.kernels.terms.collision_avoidance import BYSTANDERS, HALTED, STAGGER, STEP
 from crowdsim.crowd.kernels.terms.stance import ASTRAY
 from crowdsim.crowd.kernels.terms.stillness import BESIDE, CALM, FACING
-from crowdsim.crowd.kernels.terms.strikes import AWAY, BOLDNESS, NEAR, REST
+from crowdsim.crowd.kernels.terms.strikes import AIM, AWAY, BOLDNESS, NEAR, REST, SET_UP
 from crowdsim.crowd.kernels.vetoes.crossed_legs import CROSSED
 from crowdsim.crowd.kernels.vetoes.same_strike import TOGETHER, TWICE
 from crowdsim.crowd.kernels.vetoes.strike_at_air import AIR
@@ -182,7 +183,7 @@ def run(crowd, policies, frames):
                 one.phase_before = min(one.phase, one.length)
                 one.phase += one.speed
         due = [one for one in avatars if one.phase >= one.length]
-        targets = target_positions(paths, frame - 1, 2, policies[0].database.control_rate)
+        targets = target_positions(paths, frame - 1, 2 + FORESEEN, policies[0].database.control_rate)
         chosen = [decide(one, avatars, crowd, targets, frame, marks) for one in due]
         bodies = [what_is_seen(one, opponent, avatars, targets) for one, (opponent, _) in zip(due, chosen, strict=True)]
         for one, seen in zip(due, bodies, strict=True):
@@ -256,8 +257,10 @@ def decide(one, avatars, crowd, targets, frame, marks):
             end = other.body("heads", other.action, other.length, other.start)
             moving = (end - target)[[0, 2]] / lasts
     elif opponent <= -2:
-        target, lasts = targets[1, -2 - opponent], math.inf
-        moving = (target - targets[0, -2 - opponent])[[0, 2]]
+        ahead = meeting(one, mine, targets[1:, -2 - opponent])
+        target = targets[1 + ahead, -2 - opponent]
+        if ahead == 0:
+            lasts, moving = math.inf, (target - targets[0, -2 - opponent])[[0, 2]]
         faces = math.atan2(*moving)
     interval = crowd.intervals[one.cohort] * one.slowness
     rests = interval > 0 and one.burst == 0 and frame < one.rested
@@ -303,6 +306,8 @@ def decide(one, avatars, crowd, targets, frame, marks):
         close = math.hypot(*(its - mine)[:2]) < NEAR
         worth -= crowd.crowding.unseen * (close and facing(its, mine) < AWAY)
     values = values + worth * counts
+    if opponent <= -2 and crowd.crowding.wasted:
+        values = values + aim(one, choices, mine, targets[1:, -2 - opponent], crowd)
     if opponent >= 0 and rests and FACING * math.hypot(seen[0], seen[2]) <= min(seen[2], FACING * BESIDE):
         values = values + CALM * one.calm[list(choices)]
     values = values - ASTRAY * one.astray[actions.next[list(choices)]]
@@ -337,6 +342,40 @@ def seems_far(one, other, frame):
     seems += 0.0 if other.opponent == one.number else ENGAGED
     hit = one.hit_by == other.number and frame - one.hit_frame < REMEMBERED
     return seems - (HIT if hit else 0.0)
+
+
+def meeting(one, mine, places):
+    """In how many frames an avatar can meet a scripted target at a walk, that is not at hand."""
+    for ahead, place in enumerate(places[:FORESEEN]):
+        far = math.hypot(place[0] - mine[0], place[2] - mine[1])
+        if far <= (AT_HAND + ahead * WALKS * one.speed) * one.scale:
+            return ahead
+    return FORESEEN
+
+
+def aim(one, choices, mine, places, crowd):
+    """What actions are worth that will land on a scripted target, or after which another one can."""
+    actions, found = one.policy.actions, np.zeros(len(choices))
+    for k, action in enumerate(choices):
+        if actions.strike_offsets[action] < actions.strike_offsets[action + 1]:
+            found[k] = AIM if hits_ball(one, action, mine, 0, places) else -crowd.crowding.wasted
+            continue
+        length, state = int(actions.lengths[action]), int(actions.next[action])
+        then = ground.compose(mine, one.displacement(action, length))
+        following = range(actions.offsets[state], actions.offsets[state + 1])
+        found[k] = SET_UP * AIM * any(hits_ball(one, after, then, length, places) for after in following)
+    return found
+
+
+def hits_ball(one, action, stands, frames, places):
+    """Whether the first strike of an action, begun somewhere in some frames, lands on a target along its path."""
+    actions = one.policy.actions
+    first = actions.strike_offsets[action]
+    if first == actions.strike_offsets[action + 1]:
+        return False
+    point = ground.to_world(stands, actions.strike_positions[first].astype(float) * one.scale)
+    when = min(int((frames + actions.strike_times[first]) / one.speed + 0.5), FORESEEN)
+    return abs(gap_to(point, *ball(one, places[when]))[0]) <= tolerance_of(one.policy) * one.scale
 
 
 def strikes_air(one, other, action, mine):

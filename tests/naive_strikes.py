@@ -25,7 +25,7 @@ def at(rows, place):
 def what_is_seen(one, opponent, avatars, targets):
     """Head and torso of an opponent as they are now."""
     if opponent <= -2:
-        return upright(one, targets[1, -2 - opponent])
+        return ball(one, targets[1, -2 - opponent])
     if opponent < 0:
         return None
     other = avatars[opponent]
@@ -43,9 +43,7 @@ def thrown(one, avatars, frame, targets):
         motion = rest + parts[1][2]
     found = []
     database, actions = one.policy.database, one.policy.actions
-    tolerance = max(
-        [t.tolerance for b in one.policy.behaviours for t in b.terms if hasattr(t, "tolerance")] or [TOLERANCE]
-    )
+    tolerance = tolerance_of(one.policy)
     for place, (action, low, high, start, opponent, passed) in enumerate(parts):
         seen = one.seen_before if place == 0 and one.decided else one.seen
         for k in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
@@ -91,16 +89,19 @@ def surface_gap(one, avatars, opponent, share, point, targets):
         return math.inf, np.zeros(3)
     if opponent <= -2:
         head = targets[0, -2 - opponent] + share * (targets[1, -2 - opponent] - targets[0, -2 - opponent])
-        return gap_to(point, *upright(one, head))
+        return gap_to(point, *ball(one, head))
     other = avatars[opponent]
     return gap_to(point, *trunk(other, *other.meanwhile(share)))
 
 
-def upright(one, head):
-    """Points and sizes of a scripted target as large as the avatar that strikes it."""
-    sizes, scale = one.policy.body, one.scale
-    neck, pelvis = head - [0, sizes.neck_drop * scale, 0], head - [0, sizes.pelvis_drop * scale, 0]
-    return head, neck, pelvis, sizes.head_radius * scale, sizes.torso_radius * scale
+def ball(one, centre):
+    """Points and sizes of a scripted target: a ball as large as the head of the avatar that strikes it."""
+    return centre, centre, centre, one.policy.body.head_radius * one.scale, 0.0
+
+
+def tolerance_of(policy):
+    """How far from a surface strikes of a policy land [m]."""
+    return max([t.tolerance for b in policy.behaviours for t in b.terms if hasattr(t, "tolerance")] or [TOLERANCE])
 
 
 def trunk(other, action, phase, start):
@@ -118,7 +119,7 @@ def gap_to(point, head, neck, pelvis, head_radius, torso_radius):
 def from_line(point, start, end):
     """Distance of a point from the line between two others."""
     axis = end - start
-    t = min(max(float((point - start) @ axis) / float(axis @ axis), 0.0), 1.0)
+    t = min(max(float((point - start) @ axis) / max(float(axis @ axis), 1e-12), 0.0), 1.0)
     return float(np.linalg.norm(point - start - t * axis))
 
 

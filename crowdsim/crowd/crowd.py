@@ -110,6 +110,7 @@ class Crowd:
         changes: Events, in this order where several happen at once.
         until: What ends the run before its duration.
         frames: Planned duration [control frames].
+        pre_roll: For how long avatars stand on guard before the first frame [control frames], see ``pre_roll``.
     """
 
     cast: Cast
@@ -141,6 +142,7 @@ class Crowd:
     changes: tuple[Change, ...] = ()
     until: End | None = None
     frames: int = MAXIMUM_FRAMES
+    pre_roll: int = 0
 
     @property
     def count(self) -> int:

@@ -113,6 +113,7 @@ def draw_crowd(scenario: Scenario, policies: Sequence[Policy], placed: Array | N
         targets=tuple(map(plan_path, scenario.targets.values())),
         until=plan_end(scenario.until, scenario.linger),
         frames=scenario.control_frames(rate),
+        pre_roll=round(scenario.pre_roll_seconds * rate),
     )
     return replace(crowd, changes=plan_changes(scenario, crowd, cohorts))
 

@@ -42,6 +42,7 @@ class Purpose(IntEnum):
     GIRTH = 14
     LEGS = 15
     ARMS = 16
+    PRE_ROLL = 17
 
 
 def stream(seed: int, purpose: int) -> np.uint64:

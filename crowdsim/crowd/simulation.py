@@ -24,6 +24,7 @@ from crowdsim.crowd.kernels.records import COHORT, RULE, records
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import Index, build_index
 from crowdsim.crowd.outcome import Outcome, find_outcome
+from crowdsim.crowd.pre_roll import roll_in
 from crowdsim.crowd.progress import Agenda, Progress
 from crowdsim.crowd.random import Purpose, stream
 from crowdsim.crowd.script import Change, target_positions
@@ -105,6 +106,8 @@ class Simulation:
             streams=Streams(*(np.uint64(stream(crowd.seed, one)) for one in (Purpose.CHOICE, Purpose.BURST))),
         )
         self._agenda = Agenda(crowd, Progress(crowd, self.avatars, self._world))
+        if crowd.pre_roll and self.present:
+            self._fresh = roll_in(self, threads)
 
     @property
     def nbytes(self) -> int:
@@ -192,7 +195,7 @@ class Simulation:
             step = self._agenda.until_next(self.frame, most)
             rows = record.rows(done, done + step)
             times = timings[done : done + step]
-            if self.present <= SMALL and self._search == "auto":
+            if self.present <= SMALL and self._search == "auto" and not self._is_rolled_in:
                 ran, thrown = self._run_small(rows, times)
             else:
                 ran, thrown = self._run_stages(rows, times)
@@ -232,9 +235,15 @@ class Simulation:
         """Run one frame, each stage shared out among threads."""
         self._note_search("scipy" if self._search == "scipy" else "kd_tree")
         fresh, self._fresh = self._fresh, self._fresh[:0]
-        thrown = self._stages.run(self._world_at(self.frame - 1, 2), self._now, fresh, rows, timings)
+        world, moves = self._world_at(self.frame - 1, 2), not self._is_rolled_in
+        thrown = self._stages.run(world, self._now, fresh, rows, timings, moves)
         self.frame += 1
         return 1, thrown
+
+    @property
+    def _is_rolled_in(self) -> bool:
+        """Whether the next frame is that in which a pre-roll has ended, so that nobody moves before it is recorded."""
+        return self.frame == 0 and self.crowd.pre_roll > 0
 
     def _note_search(self, search: str) -> None:
         if search not in self.searches:
@@ -243,7 +252,8 @@ class Simulation:
     def _world_at(self, first: int, frames: int) -> World:
         if not self.crowd.targets:
             return self._world._replace(targets=np.zeros((frames, 0, 3)))
-        return self._world._replace(targets=target_positions(self.crowd.targets, first, frames, self.rate))
+        seen = target_positions(self.crowd.targets, first, frames + layout.FORESEEN, self.rate)
+        return self._world._replace(targets=seen)
 
     def _blank(self, record: Record, first: int, last: int) -> None:
         """Mark avatars as absent in the record; those that are present write over it."""

@@ -44,7 +44,7 @@ class Stages:
         """Memory of the stages."""
         return self._due.nbytes
 
-    def run(self, world: World, now: Now, fresh: Array, rows: Record, timings: Array) -> Array:
+    def run(self, world: World, now: Now, fresh: Array, rows: Record, timings: Array, moves: bool = True) -> Array:
         """Run a frame into the first of ``rows``, and return the strikes thrown since the frame before.
 
         Args:
@@ -53,13 +53,14 @@ class Stages:
             fresh: Slots of avatars that have just entered; they decide and do not move.
             rows: Where the frame is recorded.
             timings: Where the time of each stage is written [ns]. Shape (1 or more, 6), or (0, 6) for nowhere.
+            moves: Whether the others move, and strike.
 
         Raises:
             RunError: An avatar's position or values are not finite; the message names avatar and frame.
         """
         avatars, model, workers = self._avatars, self._model, self._workers
         clock = [perf_counter_ns()]
-        due = self._find_due(now, fresh)
+        due = self._find_due(now, fresh) if moves else fresh
         clock.append(perf_counter_ns())
         before = avatars.number[due] if len(due) else due
         self._index.update(avatars, now.present)
@@ -71,7 +72,7 @@ class Stages:
         clock.append(perf_counter_ns())
         workers.each(lambda first, last: switch(model, avatars, world, now.frame, due, chosen, first, last), len(due))
         clock.append(perf_counter_ns())
-        thrown = self._strike(world, now)
+        thrown = self._strike(world, now) if moves else empty_strikes(0)
         clock.append(perf_counter_ns())
         workers.each(lambda first, last: write_record(model, avatars, rows, 0, first, last), now.present)
         clock.append(perf_counter_ns())

@@ -162,7 +162,8 @@ def find_surfaces(
         high = np.stack([take.targets[int(f)][int(g)] for f, g in zip(later, numbers, strict=True)])
         heads = low + (high - low) * np.clip(clock - frames, 0.0, 1.0)[:, None]
         sizes = take.cast.scales[near.attackers[scripted]]
+        radii = target.head_radius * sizes
         points[scripted] = surface_point(
-            fists[scripted], heads, *target.under(heads, sizes), origin=shoulders[scripted]
+            fists[scripted], heads, heads, heads, radii, 0.0 * radii, origin=shoulders[scripted]
         )
     return points

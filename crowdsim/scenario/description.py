@@ -19,6 +19,10 @@ from crowdsim.scenario.outputs import Outputs
 from crowdsim.scenario.parts import MAXIMUM_FRAMES, MAXIMUM_SECONDS, Arena, AvatarType, Name, NoArena
 
 MAXIMUM_SEED = 2**63 - 1
+PRE_ROLL = 3.0
+"""How long the pre-roll is of a scenario that does not say so [s]."""
+_MOST_PRE_ROLLED = 1000
+"""Most avatars of such a scenario that have one."""
 _MOST = 10_000
 """How many types, groups and events there may be."""
 
@@ -59,6 +63,13 @@ class Description(StrictModel):
     ] = Field(
         description="Length in control frames, or in seconds: text such as `20s`, or a mapping with `seconds`.",
         json_schema_extra=_allow_length_text,
+    )
+    pre_roll: float | None = Field(
+        default=None,
+        ge=0,
+        le=60,
+        description="For how long avatars stand on guard before the first frame, so that a take begins in motion [s]; "
+        "null: 3 s for up to 1000 avatars, else 0 s.",
     )
     fps: float = Field(
         default=60.0, ge=1, le=1000, description="Frames per second of outputs that name no rate of their own."
@@ -166,6 +177,13 @@ class Description(StrictModel):
         if isinstance(self.duration, int):
             return self.duration
         return max(1, round(self.duration.seconds * rate))
+
+    @property
+    def pre_roll_seconds(self) -> float:
+        """How long the pre-roll is [s]."""
+        if self.pre_roll is not None:
+            return self.pre_roll
+        return PRE_ROLL if self.avatar_count <= _MOST_PRE_ROLLED else 0.0
 
     def avatar_names(self) -> list[str]:
         """Return the name of every avatar, its group's and a number that grows from 0: ``red_07``."""

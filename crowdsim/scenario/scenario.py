@@ -207,6 +207,7 @@ def resolve_scenario(scenario: Scenario, folder: FileName = ".") -> Scenario:
         )
     resolved = scenario.model_copy(
         update={
+            "pre_roll": scenario.pre_roll_seconds,
             "types": _merged_types(scenario),
             "groups": tuple(groups),
             "outputs": scenario.outputs.resolved(scenario.fps),

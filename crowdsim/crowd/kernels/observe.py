@@ -7,10 +7,13 @@ from crowdsim.crowd.kernels.arena import outside
 from crowdsim.crowd.kernels.forced_actions import is_down
 from crowdsim.crowd.kernels.intents import see_by_intent
 from crowdsim.crowd.kernels.interpolation import between
-from crowdsim.crowd.kernels.layout import AHEAD, HEAD, Target
+from crowdsim.crowd.kernels.layout import AHEAD, FORESEEN, HEAD, Target
 from crowdsim.crowd.kernels.opponents import change_opponent
 from crowdsim.crowd.kernels.prefetch import prefetch, prefetch_avatar
 from crowdsim.jit import kernel
+
+AT_HAND = 0.75  # distance of a scripted target from which on an avatar goes where it will meet it [m]
+WALKS = 0.08  # how far it walks meanwhile in a control frame [m]
 
 
 @kernel(inline=True)
@@ -28,7 +31,7 @@ def observe(model, avatars, world, now, due, count, observed, scratch):
         avatars.fight[own].next_opponent = opponent
         seen = True
         if opponent <= -2:
-            target = _scripted_target(world.targets, now.moment, -2 - opponent)
+            target = _meet(avatars, own, world.targets, now.moment, -2 - opponent)
         elif opponent >= 0 and slot_of[opponent] < now.present:
             target = _head_of(model, avatars, slot_of[opponent])
         else:
@@ -82,6 +85,22 @@ def _scripted_target(targets, moment, target):
     """Return a scripted target, which moves on for ever."""
     x, y, z = targets[moment, target, 0], targets[moment, target, 1], targets[moment, target, 2]
     return Target(x, y, z, x - targets[moment - 1, target, 0], z - targets[moment - 1, target, 2], math.inf)
+
+
+@kernel(inline=True)
+def _meet(avatars, own, targets, moment, target):
+    """Return a scripted target, or where an avatar that it is not at hand for can meet it at a walk."""
+    x, z, scale = avatars.x[own], avatars.z[own], avatars.playback[own].scale
+    step, frames = WALKS * scale * avatars.motion[own].speed, 0
+    while frames < FORESEEN:
+        dx, dz = targets[moment + frames, target, 0] - x, targets[moment + frames, target, 2] - z
+        if math.sqrt(dx * dx + dz * dz) <= AT_HAND * scale + step * frames:
+            break
+        frames += 1
+    if frames == 0:
+        return _scripted_target(targets, moment, target)
+    there = targets[moment + frames, target]
+    return Target(there[0], there[1], there[2], 0.0, 0.0, 0.0)
 
 
 @kernel(inline=True)

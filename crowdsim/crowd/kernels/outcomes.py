@@ -73,9 +73,9 @@ def judge(model, avatars, targets, now, i, thrown):
         before, after = targets[now.moment - 1, -2 - thrown.opponent], targets[now.moment, -2 - thrown.opponent]
         hx, hz = before[0] + thrown.share * (after[0] - before[0]), before[2] + thrown.share * (after[2] - before[2])
         hy = before[1] + thrown.share * (after[1] - before[1])
-        if _hits(thrown, _under(model, avatars, i, hx, hy, hz), tolerance):
+        if _hits(thrown, ball_at(model, avatars, i, hx, hy, hz), tolerance):
             return LANDED, thrown.point
-        evaded = frame >= 0.0 and _hits(thrown, _under(model, avatars, i, x, turn, z), tolerance)
+        evaded = frame >= 0.0 and _hits(thrown, ball_at(model, avatars, i, x, turn, z), tolerance)
         return EVADED if evaded else MISSED, thrown.point
     j = np.int64(avatars.slot_of[thrown.opponent]) if thrown.opponent >= 0 else np.int64(now.present)
     if j >= now.present:
@@ -114,13 +114,8 @@ def _hits(thrown, body, tolerance):
 
 
 @kernel(inline=True)
-def _under(model, avatars, i, x, y, z):
-    """Return the body of a scripted target, as large as the avatar that strikes it."""
-    sizes, policy, scale = model.sizes, avatars.policy[i], avatars.playback[i].scale
-    return PosedBody(
-        (x, y, z),
-        (x, y - sizes[policy].neck_drop * scale, z),
-        (x, y - sizes[policy].pelvis_drop * scale, z),
-        sizes[policy].head_radius * scale,
-        sizes[policy].torso_radius * scale,
-    )
+def ball_at(model, avatars, i, x, y, z):
+    """Return a scripted target: a ball as large as the head of the avatar that strikes it."""
+    centre = (x, y, z)
+    radius = model.sizes[avatars.policy[i]].head_radius * avatars.playback[i].scale
+    return PosedBody(centre, centre, centre, radius, 0.0)

@@ -3,12 +3,16 @@
 import math
 
 from crowdsim.core.angles import cos_sin
+from crowdsim.core.bodies import lands_on_posed_body
 from crowdsim.crowd.kernels.intents import is_resting
-from crowdsim.crowd.kernels.layout import FIGHTS, FLEES
+from crowdsim.crowd.kernels.layout import FIGHTS, FLEES, FORESEEN
+from crowdsim.crowd.kernels.outcomes import ball_at
 from crowdsim.jit import kernel
 
 REST = 4.0  # what a strike costs an avatar that rests, in normalised values
 BOLDNESS = 0.2  # how much more a strike is worth to an avatar for each doubling of its aggression
+AIM = 2.0  # what a strike is worth that will land on a scripted target
+SET_UP = 0.6  # what an action is worth that such a strike can follow, of that
 AWAY, NEAR = -0.3, 2.0  # where an avatar does not see another: cosine of the bearing; and how near that one is [m]
 
 
@@ -17,12 +21,15 @@ def weigh_strikes(model, avatars, world, now, own, observed, q, scratch):
     """Add to the values of actions for each of their strikes.
 
     Strikes come in bursts. After a burst an avatar rests until it has recovered, and strikes cost it ``REST``
-    meanwhile, as they do while it watches or flees; and something where its opponent looks away.
+    meanwhile, as they do while it watches or flees; and something where its opponent looks away. Those at a scripted
+    target are worth more that will land on it.
     """
     rests, bonus = is_resting(avatars, world, now.frame, own), 0.0
     if avatars.conditions.shape[0] > 0:
         row = avatars.conditions[avatars.number[own]]
         rests, bonus = rests or row.does_next != FIGHTS, BOLDNESS * row.aggression
+    if avatars.fight[own].next_opponent <= -2 and world.crowding.at_air > 0.0:
+        _aim_at_ball(model, avatars, world, now, own, scratch.values[q])
     worth = -REST if rests else bonus - world.crowding.unseen * _is_unseen(avatars, now, own)
     if worth != 0.0:
         weigh_by_strikes(model, avatars, own, worth, scratch.values[q])
@@ -50,3 +57,47 @@ def _is_unseen(avatars, now, own):
     far = math.sqrt(dx * dx + dz * dz)
     cos, sin = cos_sin(avatars.heading[j])
     return far < NEAR and dx * sin + dz * cos < AWAY * far
+
+
+@kernel(inline=True)
+def _aim_at_ball(model, avatars, world, now, own, values):
+    """Add to the values of an avatar's next actions by whether their first strikes land on its scripted target.
+
+    An action without strikes is worth ``SET_UP`` of that where a strike that may follow it will land.
+    """
+    actions, state, size = model.actions, model.actions[avatars.motion[own].action].next, avatars.playback[own].scale
+    start = avatars.x[own], avatars.z[own], avatars.heading[own]
+    for k in range(model.offsets[state + 1] - model.offsets[state]):
+        action = model.offsets[state] + k
+        if actions[action].strikes < actions[action + 1].strikes:
+            lands = _lands_on_ball(model, avatars, world, now, own, action, start, 0.0)
+            values[k] += AIM if lands else -world.crowding.at_air
+            continue
+        cos, sin = cos_sin(start[2])
+        move, frames = model.moves[action], actions[action].length
+        x, z = move.x * size, move.z * size
+        then = start[0] + x * cos + z * sin, start[1] - x * sin + z * cos, start[2] + math.atan2(move.sin, move.cos)
+        after = actions[action].next
+        for follows in range(model.offsets[after], model.offsets[after + 1]):
+            if _lands_on_ball(model, avatars, world, now, own, follows, then, float(frames)):
+                values[k] += SET_UP * AIM
+                break
+
+
+@kernel(inline=True)
+def _lands_on_ball(model, avatars, world, now, own, action, start, frames):
+    """Return whether the first strike of an action lands on an avatar's scripted target, along its path.
+
+    The action starts at a position and heading in some frames of motion.
+    """
+    first, size, target = model.actions[action].strikes, avatars.playback[own].scale, avatars.fight[own].next_opponent
+    if first == model.actions[action + 1].strikes:
+        return False
+    strike = model.strikes[first]
+    ahead = min(int((frames + strike.time) / avatars.motion[own].speed + 0.5), FORESEEN)
+    cos, sin = cos_sin(start[2])
+    fx, fz = strike.x * size, strike.z * size
+    point = start[0] + fx * cos + fz * sin, strike.y * size, start[1] - fx * sin + fz * cos
+    ball = world.targets[now.moment + ahead, -2 - target]
+    body = ball_at(model, avatars, own, ball[0], ball[1], ball[2])
+    return lands_on_posed_body(point, body, model.sizes[avatars.policy[own]].tolerance * size)

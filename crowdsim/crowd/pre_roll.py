@@ -1,0 +1,67 @@
+"""The pre-roll: avatars stand on guard for some seconds before the first frame, so that a take begins in motion.
+
+Everyone moves as in the run, but throws no strikes, and nothing hurts or happens. Then all are put back to where the
+scenario places them, in the middle of what they do. Draws have a stream of their own.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.crowd.arrays import Avatars
+from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.random import Purpose, stream
+
+if TYPE_CHECKING:
+    from crowdsim.crowd.simulation import Simulation
+
+
+def roll_in(simulation: Simulation, threads: int) -> Array:
+    """Put the avatars of a simulation into the motion of a pre-roll, at the places where they start.
+
+    Returns:
+        Slots of those that are about to strike, and begin as without a pre-roll. Shape (K,), int32.
+    """
+    crowd = simulation.crowd
+    before = replace(
+        crowd,
+        pre_roll=0,
+        seed=int(stream(crowd.seed, Purpose.PRE_ROLL)),
+        intervals=np.maximum(crowd.intervals, 1.0),
+        rules=np.zeros_like(crowd.rules),  # nothing hurts
+        changes=(),
+        until=None,
+        frames=crowd.pre_roll,
+    )
+    with type(simulation)(before, threads, model=simulation.model) as rolled:
+        rolled.avatars.fight["rested"] = math.inf  # strikes cost everyone as much as after a burst
+        rolled.run(crowd.pre_roll)
+    numbers = simulation.avatars.number[: simulation.present]
+    strikes = rolled.avatars.motion["pending"][rolled.avatars.slot_of[numbers]] != layout.NO_STRIKE
+    _take_over(simulation.avatars, rolled.avatars, np.flatnonzero(~strikes))
+    return np.flatnonzero(strikes).astype(np.int32)
+
+
+def _take_over(avatars: Avatars, rolled: Avatars, slots: Array) -> None:
+    """Let avatars go on with what those of a pre-roll do, at the places where they are."""
+    numbers = avatars.number[slots]
+    source = rolled.slot_of[numbers]
+    motion, playback = rolled.motion[source], rolled.playback[source]
+    turn = avatars.heading[slots] - rolled.heading[source]
+    cos, sin = np.cos(turn), np.sin(turn)
+    for fields, name in ((motion, "end"), (motion, "halt"), (playback, "base")):
+        x, z = fields[f"{name}_x"] - rolled.x[source], fields[f"{name}_z"] - rolled.z[source]
+        fields[f"{name}_x"] = avatars.x[slots] + x * cos + z * sin
+        fields[f"{name}_z"] = avatars.z[slots] - x * sin + z * cos
+    playback["base_turn"] += turn
+    playback["base_cos"] = playback["scale"] * np.cos(playback["base_turn"])
+    playback["base_sin"] = playback["scale"] * np.sin(playback["base_turn"])
+    avatars.motion[slots], avatars.playback[slots] = motion, playback
+    avatars.opponent[slots], avatars.shown[numbers] = rolled.opponent[source], rolled.shown[numbers]
+    for name in ("piece", "does", "does_next") if len(avatars.conditions) else ():
+        avatars.conditions[name][numbers] = rolled.conditions[name][numbers]
