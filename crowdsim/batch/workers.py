@@ -8,11 +8,13 @@ import platform
 import signal
 import socket
 import sys
+import time
 import urllib.request
 import uuid
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from functools import cache
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
@@ -20,7 +22,6 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from crowdsim.batch.documents import read_bytes
-from crowdsim.batch.preparing import compile_kernels
 from crowdsim.core.types import FileName
 from crowdsim.core.workers import CORES
 from crowdsim.errors import BatchError, OutputError
@@ -47,6 +48,8 @@ _SETTINGS = {
 _HIDDEN: dict[str, Any] = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
 """Dask's processes listen for a browser in any case; then there is nothing to be seen."""
 TOKEN = ".crowdsim-batch-token"
+_STALLED = 60.0
+"""When nothing has been compiled for so long, kernels are left to the workers [s]."""
 
 
 @dataclass(frozen=True)
@@ -206,10 +209,6 @@ def dashboard_address(client: Client) -> str:
 def check_workers(client: Client, folder: Path) -> dict[str, Any]:
     """Return the environment that all workers share, once they have been found to see the folder of a batch.
 
-    Args:
-        client: Client of the scheduler, which has workers.
-        folder: The folder.
-
     Raises:
         BatchError: A worker is of another version, of another kind of processor than others, has several threads, or
             cannot see or write the folder; the message names which, and where it runs.
@@ -224,6 +223,31 @@ def check_workers(client: Client, folder: Path) -> dict[str, Any]:
     if findings:
         raise BatchError("\n".join(findings))
     return dict(next(iter(answers.values()))["environment"])
+
+
+def compile_kernels(uses: Collection[str], processes: int, notify: Callable[[str], None] | None = None) -> None:
+    """Compile the kernels that some uses need and that are not compiled yet; where they are, nothing is loaded.
+
+    Args:
+        uses: What kernels will be needed for.
+        processes: Processes that compile.
+        notify: Called with what is missing, and about how long it takes.
+    """
+    from crowdsim.jit.ahead import compile_ahead, compile_listed
+    from crowdsim.jit.signatures import listed
+
+    with compile_ahead(uses, processes) as missing:
+        if missing and notify is not None:
+            notify(missing)
+        left, since = missing, time.monotonic()
+        while left and time.monotonic() - since < _STALLED:
+            for one in listed(uses):
+                compile_listed(one)
+            # What the other processes are compiling is left to them, and looked at again.
+            time.sleep(0.1)
+            before = left
+            with compile_ahead(uses, 0) as left:
+                since = since if left == before else time.monotonic()
 
 
 def compile_on_hosts(client: Client, uses: Collection[str]) -> None:
@@ -256,6 +280,7 @@ def worker_findings(answers: Mapping[str, Any], threads: Mapping[str, int], fold
             yield f"{where}: {what}; runs give the same bytes on one kind of processor only"
 
 
+@cache
 def describe_environment() -> dict[str, Any]:
     """Return what the results of this process depend on, beside scenarios and policies.
 
