@@ -27,9 +27,9 @@ from typing import Any
 from _quick import small_policies
 
 from crowdsim.batch.description import load_batch
-from crowdsim.batch.engine import BatchOptions
 from crowdsim.batch.results import read_result
 from crowdsim.batch.running import plan_batch, run_batch
+from crowdsim.batch.workers import BatchOptions
 
 RUNS, QUICK_RUNS = 100, 6
 LOOP, QUICK_LOOP = 20, 2

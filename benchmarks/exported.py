@@ -14,7 +14,7 @@ be present from its start to its end.
 the side, with avatars, time and figure. The JSON document has a group for each run, with these keys:
 
 - `undisturbed`: a second or more from transitions, away from strikes and from other bodies, where the files must equal
-  the source motion. See `_exported_calm.py`.
+  the source motion. See `_exported/calm.py`.
 - `feet`: a foot is in contact while its ball is lower than 3 cm and rises or falls slower than 0.15 m/s; its `slide` is
   the horizontal speed of the ball during contact.
 - `hinges`: flexion of knees and elbows towards the side to which the source bends them;
@@ -26,25 +26,25 @@ the side, with avatars, time and figure. The JSON document has a group for each 
   avatar-frames.
 - `transition_classifier`: area under the ROC curve of a classifier of windows around transitions and around other
   decisions; `content` is the same for the source motion behind them; `matched` the same for pairs whose source motion
-  is alike. See `_transition_classifier.py`.
+  is alike. See `_exported/transition_classifier.py`.
 - `bodies`: capsules that pictures and clouds show, between all avatars. `without_arms` and `with_arms`: `share` of
   avatar-frames deeper than 6 cm, `deepest` [m], `episodes_per_minute` deeper than 8 cm. `by_parts`: share and depth by
   pair of parts. `arm_in_trunk_or_head`: frames in which an avatar's forearm or fist is deeper than 6 cm in a torso or
-  head. See `_exported_bodies.py`.
+  head. See `_exported/bodies.py`.
 - `strikes`: `missed_buried`, `landed_buried`: strikes whose forearm or fist is deeper than 8 cm in torso or head of
   whom they strike, within 0.3 s; `landed_stay`: how long a landed limb is deeper than 6 cm there, from 0.3 s before
-  to 1 s after [s]. See `_exported_arms.py`.
+  to 1 s after [s]. See `_exported/arms.py`.
 - `accelerations`: `linear` and `angular`, by part of the body, `near_transitions` (0.1 s), `near_landed_strikes`
   (0.2 s) and `everywhere`: frames above the source's 99.9th percentile, in per mille; `worst` of all parts.
-  See `_exported_accelerations.py`.
+  See `_exported/accelerations.py`.
 - `jumps`: one-frame jumps of rotations and sudden drops of the pelvis per minute, of the files, of the whole source,
-  and of the source as the avatars play it, who strike more often. See `_exported_jumps.py`.
+  and of the source as the avatars play it, who strike more often. See `_exported/jumps.py`.
 - `gaze`: `facing_share` and `away_share` of frames nearer than 1.5 m in which the head is within 45 degrees of the
   opponent and more than 90 off; `hits_from_behind_share` of landed strikes from over 120 degrees off the front of the
   victim's pelvis; `turned_to_attacker_share` of these after which the head faces the attacker within 1 s.
-- `reactions`: how far hits move heads and feet, beside unhit moments. See `_exported_reactions.py`.
+- `reactions`: how far hits move heads and feet, beside unhit moments. See `_exported/reactions.py`.
 - `variety`: repeated motion, the same source among neighbours, the same strikes at once, stillness. See
-  `_exported_variety.py`.
+  `_exported/variety.py`.
 
 Groups have `moments`, the ten worst: value, avatar, frame, and where there are any the other avatar and parts.
 """
@@ -61,23 +61,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from _exported_accelerations import measure_accelerations
-from _exported_arms import measure_strikes
-from _exported_bodies import measure_bodies
-from _exported_calm import undisturbed
-from _exported_capsules import find_contacts
-from _exported_contact import fists, overlap
-from _exported_gaze import measure_gaze
-from _exported_joints import feet, hinges, peaks
-from _exported_jumps import measure_jumps
-from _exported_reactions import measure_reactions
-from _exported_run import ExportedRun
-from _exported_scenes import bundle_of, crowdsim, open_exported, run_scene
-from _exported_strips import draw_strips
-from _exported_table import print_table
-from _exported_variety import measure_variety
+from _exported.accelerations import measure_accelerations
+from _exported.arms import measure_strikes
+from _exported.bodies import measure_bodies
+from _exported.calm import undisturbed
+from _exported.capsules import find_contacts
+from _exported.contact import fists, overlap
+from _exported.gaze import measure_gaze
+from _exported.joints import feet, hinges, peaks
+from _exported.jumps import measure_jumps
+from _exported.reactions import measure_reactions
+from _exported.run import ExportedRun
+from _exported.scenes import bundle_of, crowdsim, open_exported, run_scene
+from _exported.strips import draw_strips
+from _exported.table import print_table
+from _exported.transition_classifier import classify_transitions
+from _exported.variety import measure_variety
 from _quick import small_policies
-from _transition_classifier import classify_transitions
 
 SCENES = {"brawl_30": 60, "brawl_30_cmu": 60, "armies_200": 30}
 """What is run without a RUN, and frames a second of its files."""

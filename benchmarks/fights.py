@@ -6,21 +6,21 @@ Brawls with learned and with random actions: `strict` is what runs report: at th
 10 cm of the surface of the opponent's head or torso at that time. `generous` asks for less: the fist comes within 25 cm
 of a point 1.15 m above the opponent's position at the attacker's decision. Both are strikes per avatar per minute.
 
-Bouts (``_bouts.py``): every pair of fighters, each with itself included, 200 times. `won` and `lost` are shares of
+Bouts (``bouts.py``): every pair of fighters, each with itself included, 200 times. `won` and `lost` are shares of
 bouts that end by a knock-out, with the Wilson interval of 95 %. A fighter wins about half of the decided bouts with
 itself (`won_of_decided`), and the red corner about half of all (`red_of_decided`).
 
-Defence (``_defence.py``): what lands on a defender, beside the same boxer without defence, and what the best response
+Defence (``defence.py``): what lands on a defender, beside the same boxer without defence, and what the best response
 that could be found gains against policies.
 
-Reactions (``_reaction_time.py``): the time from an attacker's decision to the impact, and the share of strikes whose
+Reactions (``reaction_time.py``): the time from an attacker's decision to the impact, and the share of strikes whose
 victim takes a decision of its own in between, at least 0.2 s after the attacker's: what a defence could react to.
 
-Bodies that are down (``_lying.py``), in `brawl_last_standing`: how far their lowest points are from the floor from the
+Bodies that are down (``lying.py``), in `brawl_last_standing`: how far their lowest points are from the floor from the
 start of a fall to standing, how often others tread on them, and how often they lie in one another. There too,
-knock-downs (``_knock_downs.py``): how soon after the blow an avatar falls, and how often away from the attacker.
+knock-downs (``knock_downs.py``): how soon after the blow an avatar falls, and how often away from the attacker.
 
-Breaks between rounds (``_breaks.py``), in `bout`: how soon boxers stand at ease, and for how much of the break.
+Breaks between rounds (``breaks.py``), in `bout`: how soon boxers stand at ease, and for how much of the break.
 """
 
 from __future__ import annotations
@@ -34,13 +34,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-import _bouts
-import _breaks
-import _defence
-import _knock_downs
-import _lying
-import _reaction_time
 import numpy as np
+from _fights import bouts, breaks, defence, knock_downs, lying, reaction_time
 from _quick import small_policies
 
 from crowdsim.poses.sampler import PoseSampler
@@ -62,7 +57,7 @@ BREAK_SEEDS = 20
 """Seeds of `bout` for breaks between rounds, from 1 on."""
 SEEDS = 5
 """Seeds of each scene for reactions, from 1 on."""
-DRAWN = [f"types.boxer.{key}={value}" for key, value in _bouts.RANDOM.items()]
+DRAWN = [f"types.boxer.{key}={value}" for key, value in bouts.RANDOM.items()]
 QUICK: dict[str, Any] = {"frames": 300, "fraction": 0.2}
 """What is run of a scenario with ``--quick``."""
 QUICK_BOUTS: dict[str, Any] = {"count": 4, "seconds": 8.0}
@@ -76,7 +71,7 @@ def judge(take: Take) -> dict[str, float]:
     minutes = take.seconds / 60.0 * take.avatar_count
     fights = events.victim >= 0
     attacker, victim = (np.asarray(who)[fights].astype(int) for who in (events.attacker, events.victim))
-    frame = _reaction_time.find_decisions(take)[np.floor(events.frame[fights]).astype(int), attacker]
+    frame = reaction_time.find_decisions(take)[np.floor(events.frame[fights]).astype(int), attacker]
     positions = np.stack([take.x[frame, victim], np.full(len(frame), HEIGHT), take.z[frame, victim]], axis=-1)
     near = np.linalg.norm(events.point[fights] - positions, axis=-1) <= NEAR
     return {
@@ -99,13 +94,13 @@ def measure(mocap: Path | None, quick: bool) -> dict[str, Any]:
             how: judge(run(load_scenario(name, overrides, **changes), mocap=mocap))
             for how, overrides in (("learned", ()), ("random", DRAWN))
         }
-    fighters = [name for name in _bouts.FIGHTERS if has_capture or not name.endswith("cmu")]
-    outcome["bouts"] = _bouts.measure_bouts(fighters, mocap, **(QUICK_BOUTS if quick else {}))
-    outcome["defence"] = _defence.measure_defence(outcome["bouts"])
-    spec = _defence.SHORT if quick else _defence.LONG
-    outcome["exploitability"] = _defence.measure_exploitability(spec=spec)
+    fighters = [name for name in bouts.FIGHTERS if has_capture or not name.endswith("cmu")]
+    outcome["bouts"] = bouts.measure_bouts(fighters, mocap, **(QUICK_BOUTS if quick else {}))
+    outcome["defence"] = defence.measure_defence(outcome["bouts"])
+    spec = defence.SHORT if quick else defence.LONG
+    outcome["exploitability"] = defence.measure_exploitability(spec=spec)
     outcome["reaction"] = {
-        name: _reaction_time.measure_reactions(
+        name: reaction_time.measure_reactions(
             [run(load_scenario(scene, how, seed=seed, **changes)) for seed in range(1, 2 if quick else SEEDS + 1)]
         )
         for name, (scene, how) in REACTION_SCENES.items()
@@ -115,14 +110,14 @@ def measure(mocap: Path | None, quick: bool) -> dict[str, Any]:
         run(load_scenario(LYING_SCENE, ("linger=3",), seed=seed, **changes), [policy])
         for seed in range(1, 2 if quick else LYING_SEEDS + 1)
     ]
-    outcome["lying"] = _lying.measure_lying([PoseSampler(take, [policy], threads=2) for take in takes])
+    outcome["lying"] = lying.measure_lying([PoseSampler(take, [policy], threads=2) for take in takes])
     assert policy.falls is not None
-    outcome["knock_downs"] = _knock_downs.measure_knock_downs(takes, policy.falls.fall)
-    bouts = [
-        run(load_scenario("bout", _breaks.SCENE, seed=seed, **changes), [policy])
+    outcome["knock_downs"] = knock_downs.measure_knock_downs(takes, policy.falls.fall)
+    takes = [
+        run(load_scenario("bout", breaks.SCENE, seed=seed, **changes), [policy])
         for seed in range(1, 2 if quick else BREAK_SEEDS + 1)
     ]
-    outcome["breaks"] = _breaks.measure_breaks(bouts, policy)
+    outcome["breaks"] = breaks.measure_breaks(takes, policy)
     return outcome
 
 
@@ -133,17 +128,17 @@ def lines(outcome: Mapping[str, Any]) -> Iterator[str]:
         for how, numbers in outcome.get(name, {}).items():
             yield f"{name + ', ' + how:<30}{numbers['thrown']:9.1f}{numbers['strict']:9.1f}{numbers['generous']:10.1f}"
     yield ""
-    yield from _bouts.lines(outcome["bouts"])
+    yield from bouts.lines(outcome["bouts"])
     yield ""
-    yield from _defence.lines(outcome["defence"], outcome["exploitability"])
+    yield from defence.lines(outcome["defence"], outcome["exploitability"])
     yield ""
-    yield from _reaction_time.lines(outcome["reaction"])
+    yield from reaction_time.lines(outcome["reaction"])
     yield ""
-    yield from _lying.lines(outcome["lying"])
+    yield from lying.lines(outcome["lying"])
     yield ""
-    yield from _knock_downs.lines(outcome["knock_downs"])
+    yield from knock_downs.lines(outcome["knock_downs"])
     yield ""
-    yield from _breaks.lines(outcome["breaks"])
+    yield from breaks.lines(outcome["breaks"])
 
 
 def main() -> None:

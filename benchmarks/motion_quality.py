@@ -21,9 +21,9 @@ still, and without noise a classifier would find rounding errors.
 
 `decisions` are complete poses, with strikes and hit reactions: windows around transitions against windows around
 decisions without one, for three classifiers that get jerks too, beside the capture behind these windows. See
-`_decisions.py`. `smoothness` is how often joints of complete poses accelerate more than the 99.9th percentile of the
+`decisions.py`. `smoothness` is how often joints of complete poses accelerate more than the 99.9th percentile of the
 capture, near transitions and near strikes that land, with jumps of joints and drops of the pelvis. See
-`_smoothness.py`.
+`smoothness.py`.
 
 The motion is the embedded performer's
 (`policies/boxer.yaml`) and, with --mocap or CROWDSIM_MOCAP, the capture of `policies/boxer_cmu.yaml`; policies that
@@ -42,15 +42,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from _decisions import judge_decisions
-from _fall_motion import measure_falls
-from _motion_quality_text import lines_of_policy
+from _motion.decisions import judge_decisions
+from _motion.fall_motion import measure_falls
+from _motion.rest_motion import measure_rests
+from _motion.shown_motion import Shown, read_shown
+from _motion.smoothness import measure_smoothness
+from _motion.text import lines_of_policy
+from _motion.transition_judge import NOISE, judge, mean_of
+from _motion.transition_windows import alone, made, usable, without_strikes
 from _quick import small_policies, with_policy
-from _rest_motion import measure_rests
-from _shown_motion import Shown, read_shown
-from _smoothness import measure_smoothness
-from _transition_judge import NOISE, judge, mean_of
-from _transition_windows import alone, made, usable, without_strikes
 
 from crowdsim.policy.policy import Policy
 from crowdsim.poses.sampler import PoseSampler

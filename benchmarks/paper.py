@@ -14,7 +14,7 @@ so compare those with `weighted_sum`. `no_tempo` and what follows it change the 
 * landed_per_minute: strikes landed per avatar per minute in brawl_30, the mean of the seeds.
 * return_ratio: return over that of `unablated`. The return is what avatars of brawl_30 earn in a control frame by the
   rewards of `unablated`, whatever they were trained for: nearness, strikes, effort, waste and transitions as they
-  happen, added up without a discount (``_realised_reward.py``). Most of it is earned by being near and facing.
+  happen, added up without a discount (``_policies/realised_reward.py``). Most of it is earned by being near and facing.
 
 `other_motion` changes nothing but the seed of the performer's session. What a difference in training moves by no more
 than that, in either figure, is not shown to matter; each is trained once. What the paper leaves open in `boxer_paper`
@@ -32,8 +32,8 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from _paper_differences import Difference, as_in_the_paper, differences, quicker, smaller
-from _realised_reward import RewardCounter
+from _policies.paper_differences import Difference, as_in_the_paper, differences, quicker, smaller
+from _policies.realised_reward import RewardCounter
 from scenes import Scene, build_scene, play
 
 from crowdsim.core.workers import CORES, limited

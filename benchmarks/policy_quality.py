@@ -28,8 +28,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from _composition import composed, joint_actions, joint_behaviour
-from _learning import (
+from _policies.composition import composed, joint_actions, joint_behaviour
+from _policies.learning import (
     POLICIES,
     TINY,
     Sizes,
@@ -41,7 +41,7 @@ from _learning import (
     trained,
     wanted_within,
 )
-from _policy_tables import precisions, prices, resolutions
+from _policies.tables import precisions, prices, resolutions
 
 from crowdsim.core.workers import CORES, limited
 from crowdsim.policy.policy import Behaviour, Policy

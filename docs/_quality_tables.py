@@ -12,7 +12,7 @@ from _fight_tables import FIGHT_TABLES
 from _results import MISSING, NOT_MEASURED, Format, Results, cell, fixed, number, percent, scaled, short
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))
-from _exported_goals import MEASURES, shown
+from _exported.goals import MEASURES, shown
 from _scene_goals import GOALS, Goal
 
 FIGHTS = ("duel", "moving_target", "moving_target_fast", "armies_200", "brawl_30", "brawl_30_cmu")

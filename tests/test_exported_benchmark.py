@@ -33,16 +33,16 @@ outputs: {bvh: {fps: 60}}
 def witness(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "benchmarks"))
     names = (
-        "_plain_bvh",
-        "_witness",
-        "_exported_run",
-        "_exported_capsules",
-        "_exported_scenes",
-        "_exported_strips",
-        "_exported_table",
+        "_exported.plain_bvh",
+        "_exported.witness",
+        "_exported.run",
+        "_exported.capsules",
+        "_exported.scenes",
+        "_exported.strips",
+        "_exported.table",
         "exported",
     )
-    return SimpleNamespace(**{name.strip("_"): importlib.import_module(name) for name in names})
+    return SimpleNamespace(**{name.rpartition(".")[2]: importlib.import_module(name) for name in names})
 
 
 def test_its_reader_and_kinematics_agree_with_the_package(witness: SimpleNamespace, tmp_path: Path) -> None:
@@ -68,7 +68,7 @@ def test_knees_and_elbows_that_fold_backward_are_past_straight(witness: SimpleNa
 def test_a_run_is_read_as_the_package_has_it(witness: SimpleNamespace, workplace: Path) -> None:
     (workplace / "two.yaml").write_text(SCENARIO)
     run_to(workplace / "run", load_scenario("two.yaml"))
-    run = witness.exported_scenes.open_exported(workplace / "run", workplace / "policies", workplace, None)
+    run = witness.scenes.open_exported(workplace / "run", workplace / "policies", workplace, None)
     take = open_run(workplace / "run")
     sampler, policies = take.sampler, take.policies
     poses = sampler.sample(0, take.output_frames(60), 60)[0]
@@ -88,15 +88,13 @@ def test_a_run_is_read_as_the_package_has_it(witness: SimpleNamespace, workplace
     assert report["hinges"]["clips_with_backward_hinges"] == []
     json.dumps(report, allow_nan=False)
     # The package measures penetration at every third frame.
-    contacts = witness.exported_capsules.find_contacts(run)
-    depths = witness.exported_capsules.deepest(contacts, 2, run.count)[:, ::3]
+    contacts = witness.capsules.find_contacts(run)
+    depths = witness.capsules.deepest(contacts, 2, run.count)[:, ::3]
     assert depths.max() > 0.06
     assert np.mean(depths > 0.06) == pytest.approx(report["inspect"]["penetration_share_with_arms"], abs=0.01)
-    rows = witness.exported_table.measure_rows("two", report)
+    rows = witness.table.measure_rows("two", report)
     assert all(files and (source or not measure.source) for (_, files, source, _), measure in zip(
-        rows, witness.exported_table.MEASURES, strict=True))  # fmt: skip
-    witness.exported_strips.draw_strips(
-        workplace / "run", workplace / "policies" / "tiny", run, report, workplace / "strips"
-    )
+        rows, witness.table.MEASURES, strict=True))  # fmt: skip
+    witness.strips.draw_strips(workplace / "run", workplace / "policies" / "tiny", run, report, workplace / "strips")
     kinds = {path.stem.removeprefix("run_") for path in (workplace / "strips").glob("*.png")}
     assert {"feet", "wrists", "gaze", "jumps"} <= kinds

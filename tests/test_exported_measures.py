@@ -16,11 +16,9 @@ PELVIS, NECK, HEAD, HAND, FOOT = 0, 2, 3, 6, 9
 def benchmark_modules(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """The modules of the benchmark."""
     monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "benchmarks"))
-    parts = ("run", "capsules", "bodies", "arms", "accelerations", "jumps", "gaze", "reactions", "variety", "goals",
-             "calm")  # fmt: skip
-    found = {part: importlib.import_module(f"_exported_{part}") for part in parts}
-    names = ("_witness", "_witness_source", "_exported_table")
-    return SimpleNamespace(**found, **{name.strip("_"): importlib.import_module(name) for name in names})
+    names = ("run", "capsules", "bodies", "arms", "accelerations", "jumps", "gaze", "reactions", "variety", "goals",
+             "calm", "witness", "witness_source", "table")  # fmt: skip
+    return SimpleNamespace(**{name: importlib.import_module(f"_exported.{name}") for name in names})
 
 
 @pytest.fixture

@@ -23,10 +23,10 @@ RATE = 15.0
 def bench(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """The modules of the benchmark."""
     monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
-    names = ("_bouts", "_knock_downs", "_reaction_time")
+    names = ("_fights.bouts", "_fights.knock_downs", "_fights.reaction_time")
     for name in names:
         monkeypatch.delitem(sys.modules, name, raising=False)
-    return SimpleNamespace(**{name.strip("_"): importlib.import_module(name) for name in names})
+    return SimpleNamespace(**{name.rpartition(".")[2]: importlib.import_module(name) for name in names})
 
 
 def events_of(*strikes: tuple[float, int, int, int, bool]) -> Events:

@@ -11,7 +11,7 @@ import pytest
 @pytest.fixture
 def matched(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "benchmarks"))
-    return importlib.import_module("_matched_moments")
+    return importlib.import_module("_motion.matched_moments")
 
 
 def test_pairs_of_two_kinds_are_alike_where_the_kinds_are_not(matched: ModuleType) -> None:

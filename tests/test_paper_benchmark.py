@@ -24,10 +24,10 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """The benchmark's modules; that of scenes has the name of a helper of tests."""
     monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
     monkeypatch.delitem(sys.modules, "scenes", raising=False)
-    names = ("paper", "_paper_differences", "_realised_reward")
+    names = ("paper", "_policies.paper_differences", "_policies.realised_reward")
     for name in names:
         monkeypatch.delitem(sys.modules, name, raising=False)
-    modules = {name.strip("_"): importlib.import_module(name) for name in names}
+    modules = {name.rpartition(".")[2]: importlib.import_module(name) for name in names}
     monkeypatch.delitem(sys.modules, "scenes")
     return SimpleNamespace(**modules)
 

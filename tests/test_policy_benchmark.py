@@ -26,7 +26,7 @@ BODY = TargetBody()
 @pytest.fixture
 def module(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
-    return importlib.import_module("_composition")
+    return importlib.import_module("_policies.composition")
 
 
 def recipe_of(**discounts: float) -> Recipe:

@@ -124,9 +124,8 @@ OTHER_WAYS = {
     "crowdsim/runs/provenance.py: (package / name).rglob": "sources of the package",
     "crowdsim/runs/provenance.py: path.read_bytes": "sources of the package",
     "crowdsim/runs/opening.py: known.glob": "policies, which are found by name",
-    "crowdsim/runs/outputs.py: export.open": "a writer of exports",
     "crowdsim/runs/validation.py: path.open": "a scenario or recipe, which a user names",
-    "crowdsim/runs/resuming.py: writer.open": "a take that begins",
+    "crowdsim/runs/recording.py: writer.open": "a take that begins",
     "crowdsim/take/store.py: self.open": "a take that begins",
     "crowdsim/batch/attempts.py: open": "a log that several processes add to, opened without following links",
     "crowdsim/batch/attempts.py: os.open": "likewise",
@@ -134,9 +133,7 @@ OTHER_WAYS = {
     "crowdsim/batch/description.py: path.read_bytes": "likewise",
     "crowdsim/batch/running.py: folder.iterdir": "the folder of the batch itself, to see whether it is one",
     "crowdsim/batch/running.py: folder.rmdir": "the folder of the batch itself, where nothing came of it",
-    "crowdsim/batch/table.py: table.map(_harmless).rename": "columns of a table",
-    "crowdsim/batch/table.py: os.replace": "a table that a library has written under a temporary name",
-    "crowdsim/batch/table.py: part.unlink": "likewise",
+    "crowdsim/batch/report.py: table.map(_harmless).rename": "columns of a table",
     "crowdsim/runs/folder.py: folder.iterdir": "the run folder itself, to see whether it is one",
 }
 
@@ -191,7 +188,7 @@ def test_an_unknown_name_of_the_package_is_refused_with_those_it_has() -> None:
 
 
 def test_nothing_is_kept_for_tests_alone() -> None:
-    tools = [path for folder in ("benchmarks", "docs", "release") for path in (ROOT / folder).glob("*.py")]
+    tools = [path for folder in ("benchmarks", "docs", "release") for path in (ROOT / folder).rglob("*.py")]
     used = set().union(*map(references, [*MODULES, *tools]))
     unused = {f"{relative(path)}: {name}" for path in MODULES for name in definitions(path) - used - FOR_TESTS}
     assert not unused

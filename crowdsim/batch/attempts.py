@@ -11,9 +11,10 @@ from __future__ import annotations
 import faulthandler
 import json
 import os
+import shlex
 import socket
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import datetime, timezone
@@ -21,9 +22,10 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from crowdsim.batch.documents import read_bytes
-from crowdsim.batch.plan import LOGS
+from crowdsim.batch.plan import LOGS, SCENARIOS, PlannedRun
 from crowdsim.config.documents import DocumentModel, document_fault, parse_json
-from crowdsim.files import make_folder, remove_plain
+from crowdsim.files import entries, make_folder, remove_plain
+from crowdsim.runs.folder import RESOLVED
 
 KINDS = {
     "raised": "an exception",
@@ -34,20 +36,13 @@ KINDS = {
     "lost": "lost",
 }
 """Causes of failures, in words."""
-
 _LONGEST = 10_000
 """Longest message of an exception."""
 _TIMEOUT, _FATAL = "Timeout (", "Fatal Python error: "
 
 
 class TaskError(Exception):
-    """A task of a run has failed; raised in a worker, and understood by the process that sent the task.
-
-    Attributes:
-        task: Name of the task.
-        kind: Kind of the cause, of ``KINDS``.
-        message: The cause in words.
-    """
+    """A task of a run has failed, with the kind of the cause (``KINDS``) and the cause in words; raised in a worker."""
 
     def __init__(self, task: str, kind: str, message: str) -> None:
         super().__init__(task, kind, message)
@@ -73,15 +68,9 @@ class _Mark(DocumentModel):
     time: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Attempt:
-    """One attempt at a task.
-
-    Attributes:
-        begun: Session of the batch, worker, host, process and time.
-        said: What the log holds of it.
-        ended: How it ended; nothing where it did not.
-    """
+    """One attempt at a task: the mark of its begin, what the log holds of it, and the mark of its end if it has one."""
 
     begun: Mapping[str, Any]
     said: str
@@ -113,23 +102,27 @@ def read_attempts(path: Path, session: str = "") -> list[Attempt]:
     """
     found: list[Attempt] = []
     for line in read_bytes(path.parent, path.name).decode("utf-8", "replace").splitlines():
-        mark = _read_mark(line)
+        mark: dict[str, Any] = {}
+        with suppress(ValueError):
+            mark = parse_json(line) if line.startswith('{"') else {}
+        if document_fault(_Mark, mark):
+            mark = {}
         if "begin" in mark:
             found.append(Attempt(mark, "", {}))
         elif found:
-            last = found[-1]
-            found[-1] = Attempt(last.begun, f"{last.said}{line}\n", mark if "end" in mark else last.ended)
+            found[-1].said += f"{line}\n"
+            found[-1].ended = mark if "end" in mark else found[-1].ended
     return [one for one in found if session in ("", one.begun.get("session"))]
 
 
-def _read_mark(line: str) -> dict[str, Any]:
-    if not line.startswith('{"'):
-        return {}
-    try:
-        mark = parse_json(line)
-        return {} if document_fault(_Mark, mark) else dict(mark)
-    except ValueError:
-        return {}
+def read_deaths(folder: Path, id: str, session: str) -> dict[str, list[Attempt]]:
+    """Return the attempts at each task of a run that have died in a session of its batch.
+
+    Raises:
+        BatchError: A log is no regular file, or too long.
+    """
+    logs = [log_path(folder, id, name[:-4]) for name in entries(folder, f"{LOGS}/{id}") if name.endswith(".log")]
+    return {log.stem: [one for one in read_attempts(log, session) if not one.ended] for log in logs}
 
 
 @contextmanager
@@ -154,8 +147,8 @@ def attempt(path: Path, session: str, retries: int, timeout: float, worker: str 
         raise TaskError(task, *before[-1].cause())
     begun = {"begin": task, "session": session, "worker": worker, "host": socket.gethostname(), "pid": os.getpid()}
     was_enabled = faulthandler.is_enabled()
-    with _opened(path) as log:
-        _write(log, {**begun, "timeout": timeout, "time": _now()})
+    with _open_log(path) as log:
+        _write(log, {**begun, "timeout": timeout})
         faulthandler.enable(log)
         faulthandler.dump_traceback_later(timeout, exit=True, file=log)
         try:
@@ -164,28 +157,24 @@ def attempt(path: Path, session: str, retries: int, timeout: float, worker: str 
             # No longer than can be read again, and without halves of letters, which names of files may have.
             message = (str(error) or type(error).__name__)[:_LONGEST].encode("utf-8", "backslashreplace").decode()
             log.write(traceback.format_exc()[-10 * _LONGEST :])
-            _write(log, {"end": "raised", "kind": type(error).__name__, "message": message, "time": _now()})
+            _write(log, {"end": "raised", "kind": type(error).__name__, "message": message})
             raise TaskError(task, "raised", message) from error
         finally:
             faulthandler.cancel_dump_traceback_later()
             faulthandler.disable()
             if was_enabled:
                 faulthandler.enable()
-        _write(log, {"end": "done", "time": _now()})
+        _write(log, {"end": "done"})
     if not before:
         remove_plain(path.parent.parent, [f"{path.parent.name}/{path.name}"])
 
 
-@contextmanager
-def _opened(path: Path) -> Iterator[TextIO]:
+def _open_log(path: Path) -> TextIO:
     """Open a log for more, not through a link; its folder may go meanwhile, with the log of another task."""
     while True:
         make_folder(path.parent)
         with suppress(FileNotFoundError):
-            log = open(path, "a", encoding="utf-8", errors="backslashreplace", opener=_open_plain)  # noqa: SIM115
-            break
-    with log:
-        yield log
+            return open(path, "a", encoding="utf-8", errors="backslashreplace", opener=_open_plain)
 
 
 def _open_plain(path: str, flags: int) -> int:
@@ -193,9 +182,64 @@ def _open_plain(path: str, flags: int) -> int:
 
 
 def _write(log: TextIO, mark: Mapping[str, Any]) -> None:
-    log.write(json.dumps(mark) + "\n")
+    log.write(json.dumps({**mark, "time": datetime.now(timezone.utc).isoformat(timespec="seconds")}) + "\n")
     log.flush()
 
 
-def _now() -> str:
-    return datetime.now(timezone.utc).isoformat(timespec="seconds")
+def describe_failure(
+    folder: Path, run: PlannedRun, error: BaseException, session: str, out_of_memory: Collection[tuple[str, int]] = ()
+) -> dict[str, Any]:
+    """Return why a run failed, as its result.
+
+    Args:
+        folder: Folder of the batch.
+        run: The run.
+        error: What Dask reports.
+        session: The session of the batch.
+        out_of_memory: Workers, with the numbers of their processes, that Dask ended since they took too much memory.
+    """
+    if isinstance(error, TaskError):
+        task, kind, message = error.task, error.kind, error.message
+    else:
+        # The task that died most often, where one did.
+        task, died = max(read_deaths(folder, run.id, session).items(), key=lambda item: len(item[1]), default=("", []))
+        kind, message = died[-1].cause() if died else ("lost", f"{type(error).__name__}: {error}")
+        task = task if died else ""
+    path = log_path(folder, run.id, task)
+    attempts = read_attempts(path, session)
+    if attempts and kind == "killed":
+        begun = attempts[-1].begun
+        if (begun.get("worker"), begun.get("pid")) in out_of_memory:
+            where = f"process {begun.get('pid')} on {begun.get('host')}"
+            kind, message = "memory", f"took more memory than its worker may ({where})"
+    return {
+        "state": "failed",
+        "task": task,
+        "cause": kind,
+        "message": message,
+        "attempts": len(attempts),
+        "log": os.path.relpath(path, folder) if path.is_file() else "",
+        "command": _repeat_command(folder, run, task),
+    }
+
+
+def _repeat_command(folder: Path, run: PlannedRun, task: str) -> str:
+    """Return the command that does a task of a run again, without Dask."""
+    run_folder = str(folder / run.folder)
+    for output in run.outputs.wanted():
+        # Pictures are drawn in parts, and joined at the end.
+        is_drawn = output.label == "pictures" and task.startswith(("pictures", "finish"))
+        if is_drawn or task == f"export-{output.name}":
+            return shlex.join(output.command(run_folder))
+    scenario = str(folder / SCENARIOS / run.id / RESOLVED)
+    return shlex.join(["crowdsim", "run", scenario, "--threads", "1", "--out", run_folder])
+
+
+def log_tail(folder: Path, result: Mapping[str, Any], lines: int = 40) -> str:
+    """Return the end of the log of a run that failed.
+
+    Raises:
+        BatchError: The log is no regular file, or too long.
+    """
+    text = read_bytes(folder, result["log"]).decode("utf-8", "replace") if result.get("log") else ""
+    return "\n".join([line for line in text.splitlines() if not line.startswith('{"')][-lines:])

@@ -8,15 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from crowdsim.batch.plan import Plan, read_plan
-from crowdsim.batch.table import plain_value, read_table
+from crowdsim.batch.plan import read_plan
+from crowdsim.batch.report import plain_value, read_table
 from crowdsim.core.types import FileName
 from crowdsim.errors import BatchError, nearest
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
-_TEXT = ("run", "state", "folder", "task", "cause", "message", "log", "command")
+    from crowdsim.take.take import Take
+
+_TEXT = ("run", "scenario", "state", "folder", "task", "cause", "message", "log", "command")
 
 
 def open_batch(folder: FileName, variables: Sequence[str] = ()) -> Dataset:
@@ -40,73 +42,49 @@ def open_batch(folder: FileName, variables: Sequence[str] = ()) -> Dataset:
 
     folder = Path(folder)
     plan = read_plan(folder)
-    table = read_table(folder, plan)
-    keys = {key for axis in plan.axes for key in axis}
-    sizes, coordinates = _coordinates(plan)
-    shape = tuple(sizes.values())
-    places = [_place(plan, one.scenario, one.indices) for one, _ in plan.combinations]
-    found: dict[str, Any] = {}
-    for name in table.columns:
-        if name in keys or (name == "scenario" and "scenario" in sizes):
-            continue
-        is_text = name in _TEXT or name == "scenario"
-        values = np.full(shape, "" if is_text else np.nan, dtype=object if is_text else float)
-        for place, value in zip(places, table[name], strict=True):
-            values[place] = ("" if value is None or value != value else str(value)) if is_text else _number(value)
-        found[name] = (tuple(sizes), values.astype(str) if is_text else values)
-    for name in variables:
-        found[name] = ((*sizes, "frame", "avatar"), _read_takes(folder, plan, name, shape, places, table))
-    return Dataset(found, coordinates, {"name": plan.batch.name, "description": plan.batch.description})
-
-
-def _coordinates(plan: Plan) -> tuple[dict[str, int], dict[str, Any]]:
-    """Return the length of each dimension, and the coordinates."""
-    sizes: dict[str, int] = {}
-    coordinates: dict[str, Any] = {}
-    if len(plan.batch.scenarios) > 1:
-        sizes["scenario"], coordinates["scenario"] = len(plan.batch.scenarios), list(plan.batch.scenarios)
-    for axis in plan.axes:
+    table, batch = read_table(folder, plan), plan.batch
+    several = len(batch.scenarios) > 1
+    sizes = {"scenario": len(batch.scenarios)} if several else {}
+    coordinates: dict[str, Any] = {"scenario": list(batch.scenarios)} if several else {}
+    for axis in batch.all_axes:
         first = next(iter(axis))
         sizes[first] = len(axis[first])
-        for key, column in axis.items():
-            coordinates[key] = (first, [plain_value(value) for value in column])
-    return sizes, coordinates
-
-
-def _place(plan: Plan, scenario: str, indices: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the index of a combination in all dimensions."""
-    return ((plan.batch.scenarios.index(scenario),) if len(plan.batch.scenarios) > 1 else ()) + indices
-
-
-def _number(value: Any) -> float:
-    return np.nan if value is None else float(value)
-
-
-def _read_takes(
-    folder: Path,
-    plan: Plan,
-    name: str,
-    shape: tuple[int, ...],
-    places: Sequence[tuple[int, ...]],
-    table: Mapping[str, Any],
-) -> Any:
-    """Return a variable of all takes, NaN where there is nothing."""
-    from crowdsim.take.store import open_take
-    from crowdsim.take.take import VARIABLES
-
-    if name not in VARIABLES:
-        known = ", ".join(VARIABLES)
-        raise BatchError(f"variable {name!r}: takes have none of that name, expected {known}{nearest(name, VARIABLES)}")
-    takes = {
-        place: open_take(folder / run)
-        for place, run, state in zip(places, table["folder"], table["state"], strict=True)
-        if state == "done"
-    }
+        coordinates |= {key: (first, [plain_value(value) for value in column]) for key, column in axis.items()}
+    shape = tuple(sizes.values())
+    places = [(batch.scenarios.index(one.scenario),) * several + one.indices for one, _ in plan.combinations]
+    found: dict[str, Any] = {}
+    for name in table.columns:
+        if name in coordinates:
+            continue
+        is_text = name in _TEXT
+        values = np.full(shape, "" if is_text else np.nan, dtype=object if is_text else float)
+        for place, value in zip(places, table[name], strict=True):
+            missing = value is None or value != value
+            values[place] = ("" if missing else str(value)) if is_text else np.nan if value is None else float(value)
+        found[name] = (tuple(sizes), values.astype(str) if is_text else values)
+    takes = _open_takes(folder, variables, places, table)
     # As many as there are, whatever the plan says.
     frames, avatars = (
         max((getattr(take, key) for take in takes.values()), default=0) for key in ("frame_count", "avatar_count")
     )
-    values = np.full((*shape, frames, avatars), np.nan, np.float32)
-    for place, take in takes.items():
-        values[place][: take.frame_count, : take.avatar_count] = getattr(take, name)[:]
-    return values
+    for name in variables:
+        values = np.full((*shape, frames, avatars), np.nan, np.float32)
+        for place, take in takes.items():
+            values[place][: take.frame_count, : take.avatar_count] = getattr(take, name)[:]
+        found[name] = ((*sizes, "frame", "avatar"), values)
+    return Dataset(found, coordinates, {"name": batch.name, "description": batch.description})
+
+
+def _open_takes(
+    folder: Path, variables: Sequence[str], places: Sequence[tuple[int, ...]], table: Mapping[str, Any]
+) -> dict[tuple[int, ...], Take]:
+    """Return the takes of all runs that are done by their places, if they have the variables."""
+    from crowdsim.take.store import open_take
+    from crowdsim.take.take import VARIABLES
+
+    for name in variables:
+        if name not in VARIABLES:
+            what = f"takes have none of that name, expected {', '.join(VARIABLES)}{nearest(name, VARIABLES)}"
+            raise BatchError(f"variable {name!r}: {what}")
+    rows = zip(places, table["folder"], table["state"], strict=True) if variables else ()
+    return {place: open_take(folder / run) for place, run, state in rows if state == "done"}

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, model_validator
 
 from crowdsim import assets
-from crowdsim.batch.axes import Axis, count_combinations, read_axis, read_values
 from crowdsim.config.files import Faults, Finding, StrictModel, load_model, validate
 from crowdsim.config.reference import reference_page
 from crowdsim.config.schema import Expected, join
@@ -26,8 +28,24 @@ SEGMENT = 240
 """Pictures that are encoded together; tasks draw whole segments (``crowdsim.render.segments``)."""
 
 _KEY = re.compile(r"[^.\[\]=]+(\.[^.\[\]=]+|\[\d+\])*")
+_RANGE = re.compile(r"\s*(\d{1,18})\s*:\s*(\d{1,18})\s*")
 
+Axis = dict[str, Sequence[Any]]
+"""Values by key, equally many, which change together; the first key names the axis."""
 Values = Annotated[list[Any] | str, Expected("a list of values, or text such as 0:10 for whole numbers")]
+
+
+@dataclass(frozen=True)
+class Combination:
+    """One scenario with one value of every axis: index of the value on each axis, and the values by key."""
+
+    scenario: str
+    indices: tuple[int, ...] = ()
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        return ", ".join([self.scenario, *(f"{key}={value}" for key, value in self.values.items())])
 
 
 class Batch(StrictModel):
@@ -74,18 +92,31 @@ class Batch(StrictModel):
         findings = [*_axis_findings(self.axes), *_scenario_findings(self.scenarios), *_set_findings(self)]
         if not findings:
             findings = [*_exclusion_findings(self)]
-            count = count_combinations(self.scenarios, self.all_axes)
+            count = len(self.scenarios) * math.prod(_length(axis) for axis in self.all_axes)
             if count > MAXIMUM_RUNS:
-                what = f"ask for {count:,} runs, expected at most {MAXIMUM_RUNS:,}"
-                findings.append(Finding(("axes",), what))
+                findings.append(Finding(("axes",), f"ask for {count:,} runs, expected at most {MAXIMUM_RUNS:,}"))
         if findings:
             raise Faults(findings)
         return self
 
     @property
-    def all_axes(self) -> tuple[Axis, ...]:
-        """The axes."""
-        return tuple(map(read_axis, self.axes))
+    def all_axes(self) -> list[Axis]:
+        """The axes, with the values that ranges stand for."""
+        return [{key: _read_values(values) for key, values in axis.items()} for axis in self.axes]
+
+    @property
+    def swept(self) -> list[str]:
+        """The keys of all axes."""
+        return [key for axis in self.axes for key in axis]
+
+    def combinations(self) -> Iterator[Combination]:
+        """Yield every scenario with every value of every axis, the last axis first, but for what is excluded."""
+        axes = self.all_axes
+        for scenario in self.scenarios:
+            for indices in itertools.product(*(range(_length(axis)) for axis in axes)):
+                values = {key: at[i] for axis, i in zip(axes, indices, strict=True) for key, at in axis.items()}
+                if not any(_has({"scenario": scenario, **values}, rule) for rule in self.exclude):
+                    yield Combination(scenario, indices, values)
 
     def place(self, finding: Finding) -> Finding:
         """Return a finding with its position in the batch file, or with the option that it comes from."""
@@ -101,6 +132,22 @@ class Batch(StrictModel):
         return beside if beside.is_file() else assets.find_scenario(name)
 
 
+def _length(axis: Axis) -> int:
+    return len(next(iter(axis.values())))
+
+
+def _has(values: Mapping[str, Any], rule: Mapping[str, Any]) -> bool:
+    return all(values[key] in (wanted if isinstance(wanted, list) else [wanted]) for key, wanted in rule.items())
+
+
+def _read_values(values: Any) -> Sequence[Any]:
+    """Return the values that a list, or text such as ``0:10`` for whole numbers, stands for; nothing for other text."""
+    if isinstance(values, str):
+        match = _RANGE.fullmatch(values)
+        return range(int(match[1]), int(match[2])) if match else ()
+    return list(values)
+
+
 def load_batch(path: FileName) -> Batch:
     """Return the batch that a file describes.
 
@@ -114,12 +161,7 @@ def load_batch(path: FileName) -> Batch:
 
 
 def batch_of_options(scenarios: Sequence[str], seeds: str | None = None, sweeps: Sequence[str] = ()) -> Batch:
-    """Return the batch that options of the command line describe.
-
-    Args:
-        scenarios: Scenario files, or their names.
-        seeds: ``A:B``, half-open, or numbers with commas between.
-        sweeps: ``KEY=VALUE,VALUE`` each.
+    """Return the batch that options of the command line describe: scenarios, ``A:B`` or ``A,B``, ``KEY=VALUE,VALUE``.
 
     Raises:
         BatchError: With every finding in a line of its own, and as the tuple ``findings``.
@@ -131,14 +173,15 @@ def batch_of_options(scenarios: Sequence[str], seeds: str | None = None, sweeps:
     findings: list[Finding] = []
     for source, text in given:
         key, equals, written = text.partition("=")
-        values, wrong = _read_sweep(written)
-        if not equals or not key or wrong:
-            what = wrong or "is no axis, expected KEY=VALUE,VALUE, such as groups[0].count=5,15,30"
-            findings.append(Finding((), what, source=source))
+        is_range = _RANGE.fullmatch(written) is not None
+        read = Document("", written) if is_range else read_document(f"[{written}]".encode("utf-8", "replace"), "")
+        if not equals or not key or read.findings:
+            what = "is no axis, expected KEY=VALUE,VALUE, such as groups[0].count=5,15,30"
+            findings.append(Finding((), read.findings[0].message if read.findings else what, source=source))
             continue
         mark = (source, 0, 0)
         marks[("axes", len(axes))] = marks[("axes", len(axes), key)] = mark, mark
-        axes.append({key: values})
+        axes.append({key: read.data or []})
     first = Path(scenarios[0]).stem if len(scenarios) == 1 else "batch"
     name = re.sub(r"[^A-Za-z0-9_-]", "_", first) + ("_batch" if len(scenarios) == 1 else "")
     data = {"version": 1, "name": name, "scenarios": list(scenarios), "axes": axes}
@@ -171,14 +214,6 @@ def is_batch_file(name: str) -> bool:
     return isinstance(data, dict) and bool({"scenarios", "axes"} & set(data))
 
 
-def _read_sweep(text: str) -> tuple[Any, str]:
-    """Return the values of a sweep, and what is wrong with them."""
-    if isinstance(read_values(text), range):
-        return text, ""
-    document = read_document(f"[{text}]".encode("utf-8", "replace"), "")
-    return document.data or [], document.findings[0].message if document.findings else ""
-
-
 def _axis_findings(axes: Sequence[dict[str, Any]]) -> Iterator[Finding]:
     known: dict[str, int] = {}
     for i, axis in enumerate(axes):
@@ -186,7 +221,7 @@ def _axis_findings(axes: Sequence[dict[str, Any]]) -> Iterator[Finding]:
             yield Finding(("axes", i), "is empty, expected a key with its values")
         lengths = {}
         for key, values in axis.items():
-            at, read = ("axes", i, key), read_values(values)
+            at, read = ("axes", i, key), _read_values(values)
             lengths[key] = len(read)
             if not _KEY.fullmatch(key):
                 yield Finding(at, "is no key of a scenario, expected one such as seed or groups[0].count", of_key=at)
@@ -212,17 +247,16 @@ def _scenario_findings(scenarios: Sequence[str]) -> Iterator[Finding]:
 
 
 def _set_findings(batch: Batch) -> Iterator[Finding]:
-    axes = {key for axis in batch.axes for key in axis}
     for i, text in enumerate(batch.set):
         key = text.partition("=")[0]
-        if key in axes:
+        if key in batch.swept:
             yield Finding(("set", i), f"sets {key}, which is an axis; expected another key")
 
 
 def _exclusion_findings(batch: Batch) -> Iterator[Finding]:
-    values: dict[str, Sequence[Any]] = {"scenario": batch.scenarios}
+    values: Axis = {"scenario": batch.scenarios}
     for axis in batch.all_axes:
-        values.update(zip(axis.keys, axis.columns, strict=True))
+        values.update(axis)
     for i, rule in enumerate(batch.exclude):
         if not rule:
             yield Finding(("exclude", i), "is empty, expected values by key")

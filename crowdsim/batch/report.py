@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from crowdsim.batch.attempts import KINDS
+from crowdsim.batch.attempts import KINDS, log_tail
 from crowdsim.batch.curves import COLOURS, curve_of, draw_curves
 from crowdsim.batch.documents import read_bytes
-from crowdsim.batch.failures import log_tail
 from crowdsim.batch.plan import REPORT, Plan
-from crowdsim.batch.results import read_result
-from crowdsim.batch.table import read_table, write_table
-from crowdsim.files import make_folder, write_text
+from crowdsim.batch.results import is_done, read_result
+from crowdsim.files import make_folder, write_plain, write_text
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -45,6 +46,75 @@ _COSTS = {
 _MEGABYTES = ("peak_memory_bytes", "bytes")
 
 
+def read_table(folder: Path, plan: Plan) -> DataFrame:
+    """Return the runs of a batch as a table.
+
+    Returns:
+        A row for each combination, in the order of the plan: ``run``, ``scenario``, the swept keys, ``state``
+        (``done``, ``failed`` or ``missing``), ``folder``, ``avatars``, ``control_frames``, then of runs that are done
+        their statistics, the time of each stage as ``seconds.STAGE`` [s], ``peak_memory_bytes``, ``bytes`` and
+        ``files``, and of those that failed ``task``, ``cause``, ``message``, ``attempts``, ``log`` and ``command``.
+
+    Raises:
+        BatchError: What came of a run is damaged.
+    """
+    from pandas import DataFrame
+
+    from crowdsim.crowd.statistics import CrowdStatistics
+    from crowdsim.take.measures import FightMeasures
+
+    figures = [one.name for kind in (FightMeasures, CrowdStatistics) for one in fields(kind)]
+    facts = {id: _facts(folder, plan, id, figures) for id in plan.runs}
+    rows = []
+    for combination, id in plan.combinations:
+        values = {key: plain_value(value) for key, value in combination.values.items()}
+        rows.append({"run": id, "scenario": combination.scenario, **values, **facts[id]})
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    table = DataFrame(rows, columns=columns)
+    # Figures of which there is nothing to measure in any run.
+    empty = [name for name in columns if table[name].isna().all()]
+    return table.astype(dict.fromkeys(empty, float))
+
+
+def _facts(folder: Path, plan: Plan, id: str, figures: Sequence[str]) -> dict[str, Any]:
+    run, result = plan.runs[id], read_result(folder, id)
+    state = "done" if is_done(folder, run, result) else "failed" if result.get("state") == "failed" else "missing"
+    rest = {"state": state, "folder": run.folder, "avatars": run.avatars, "control_frames": run.control_frames}
+    if _SEED not in plan.batch.swept:
+        rest["seed"] = run.seed
+    if state == "done":
+        stages = {f"seconds.{stage}": seconds for stage, seconds in result["seconds"].items()}
+        statistics = {key: result["statistics"].get(key) for key in figures if key not in rest}
+        sizes = {key: result[key] for key in ("peak_memory_bytes", "bytes", "files")}
+        return {**rest, **statistics, **stages, **sizes}
+    if state == "failed":
+        return {**rest, **{key: result.get(key) for key in ("task", "cause", "message", "attempts", "log", "command")}}
+    return rest
+
+
+def plain_value(value: Any) -> Any:
+    """Return a value of an axis as a number or text."""
+    return value if isinstance(value, int | float | str) or value is None else json.dumps(value)
+
+
+def write_table(table: DataFrame, path: Path) -> None:
+    """Write a table as CSV, and as Parquet beside it where pyarrow is installed.
+
+    Raises:
+        OutputError: It cannot be written.
+    """
+    write_text(path, table.map(_harmless).rename(columns=_harmless).to_csv(index=False))
+    if find_spec("pyarrow") is not None:
+        mixed = [name for name in table.columns if table[name].map(type).nunique() > 1 and table[name].dtype == object]
+        plain = table.astype({name: "string" for name in mixed})
+        write_plain(path.parent, path.with_suffix(".parquet").name, plain.to_parquet(engine="pyarrow"))
+
+
+def _harmless(value: Any) -> Any:
+    """Return a value of which no spreadsheet makes a formula: text that looks like one has a quote before it."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")) else value
+
+
 def thumbnail_path(folder: Path, id: str) -> Path:
     """Return the small picture of a run."""
     return folder / REPORT / THUMBNAILS / f"{id}.png"
@@ -71,14 +141,12 @@ def write_report(folder: Path, plan: Plan) -> Path:
     write_table(table, folder / REPORT / SUMMARY)
     environment = Environment(loader=PackageLoader("crowdsim.batch", "."), autoescape=True, trim_blocks=True)
     done = table[table["state"] == "done"]
-    keys = [key for axis in plan.axes for key in axis]
     text = environment.get_template("report.html.j2").render(
         plan=plan,
         counts=table.drop_duplicates("run")["state"].value_counts().to_dict(),
         total=len(plan.runs),
-        keys=keys,
+        keys=plan.batch.swept,
         curves=_sweep_curves(done, plan),
-        legend=[],
         statistics=_grouped(done, plan, _FIGURES),
         costs=_grouped(done, plan, _COSTS),
         totals=_totals(done),
@@ -96,7 +164,7 @@ def write_report(folder: Path, plan: Plan) -> Path:
 def _groups(plan: Plan) -> list[str]:
     """Return the columns that group runs: swept keys but the seed, and the scenario where there are several."""
     named = ["scenario"] if len(plan.batch.scenarios) > 1 else []
-    return named + [key for axis in plan.axes for key in axis if key != _SEED]
+    return named + [key for key in plan.batch.swept if key != _SEED]
 
 
 def _sweep_curves(done: DataFrame, plan: Plan) -> list[dict[str, Any]]:
@@ -105,7 +173,7 @@ def _sweep_curves(done: DataFrame, plan: Plan) -> list[dict[str, Any]]:
     for key in [key for key in _groups(plan) if key != "scenario"]:
         if not all(isinstance(value, int | float) for value in done[key]) or done[key].nunique() < 2:
             continue
-        partners = next((set(axis) for axis in plan.axes if key in axis), set())
+        partners = next((set(axis) for axis in plan.batch.axes if key in axis), set())
         others = [name for name in _groups(plan) if name not in partners]
         parts = list(done.groupby(others, sort=False)) if others else [((), done)]
         for figure, title in {**_FIGURES, "seconds.total": "time of a run [s]"}.items():

@@ -15,12 +15,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from crowdsim.batch.attempts import attempt, log_path
-from crowdsim.batch.engine import describe_environment
 from crowdsim.batch.plan import POLICIES, SCENARIOS, WORK, PlannedRun
 from crowdsim.batch.results import collect, write_result
+from crowdsim.batch.workers import describe_environment
 from crowdsim.files import entries, make_folder, remove_tree
+from crowdsim.runs.folder import RESOLVED
+from crowdsim.runs.lock import find_owner, hold_folder
+from crowdsim.runs.opening import read_arena
 from crowdsim.runs.provenance import document_difference
+from crowdsim.runs.stage import complete_alone, write_pictures
 from crowdsim.scenario.outputs import Outputs
+from crowdsim.scenario.scenario import load_scenario
+from crowdsim.take.store import open_take
 
 if TYPE_CHECKING:
     from crowdsim.export.posed import PosedOutput
@@ -40,16 +46,13 @@ _NEWS = 0.5
 
 @dataclass(frozen=True)
 class Job:
-    """What the tasks of a run need to know; plain data, which is sent to workers.
+    """What the tasks of a run need to know; plain data, which is sent to workers (see ``BatchOptions``).
 
     Attributes:
         batch: Folder of the batch.
         run: The run.
         session: This session of the batch.
         environment: What a worker must be.
-        retries: How often a task may be tried again.
-        timeout: How long a task may take [s].
-        command: The command, for manifests.
     """
 
     batch: Path
@@ -73,9 +76,7 @@ class Job:
 
 def simulate(job: Job) -> None:
     """Simulate a run into its folder; where it has no outputs it is finished then."""
-    from crowdsim.runs.folder import RESOLVED
     from crowdsim.runs.runner import run_to
-    from crowdsim.scenario.scenario import load_scenario
 
     with _attempt(job, "simulate") as progress:
         policies = _policies(job)
@@ -102,7 +103,6 @@ def export(job: Job, kind: str, *_: None) -> None:
 def draw(job: Job, first: int, stop: int, *_: None) -> None:
     """Draw some pictures of a finished take, into a folder beside the run's."""
     from crowdsim.render.batch import draw_apart
-    from crowdsim.runs.lock import hold_folder
 
     with _attempt(job, f"pictures-{first:08d}") as progress:
         source, options = _source(job)
@@ -158,7 +158,6 @@ def posed_outputs(outputs: Outputs) -> list[PosedOutput]:
 def _join(job: Job, progress: Callable[[str, int, int], None]) -> None:
     """Join the pictures that tasks have drawn, as ``crowdsim render`` draws them all."""
     from crowdsim.render.batch import Place, adopt_frames, render
-    from crowdsim.runs.stage import write_pictures
 
     source, options = _source(job)
     width, height = options.size
@@ -191,16 +190,12 @@ def _source(job: Job) -> tuple[TakeSource, RenderOptions]:
 
 def _open(job: Job, fps: float) -> TakeSource:
     from crowdsim.render.take_source import TakeSource
-    from crowdsim.runs.opening import read_arena
 
     take = _take(job)
     return TakeSource(take, take.policies, fps, threads=1, arena=read_arena(job.folder))
 
 
 def _take(job: Job) -> Take:
-    from crowdsim.runs.stage import complete_alone
-    from crowdsim.take.store import open_take
-
     complete_alone(job.folder)
     return replace(open_take(job.folder), policies=tuple(_policies(job)))
 
@@ -219,8 +214,6 @@ def _load_policy(folder: Path) -> Policy:
 
 def _wait_for(folder: Path) -> None:
     """Wait until no process holds a folder: one that Dask has given up may still be at work in it."""
-    from crowdsim.runs.lock import find_owner
-
     while find_owner(folder) is not None:
         time.sleep(_PAUSE)
 
@@ -228,10 +221,15 @@ def _wait_for(folder: Path) -> None:
 @contextmanager
 def _attempt(job: Job, task: str) -> Iterator[Callable[[str, int, int], None]]:
     """Hold an attempt at a task, and give what reports its progress to the process that sent it."""
-    from distributed import get_worker
+    from distributed import Reschedule, get_worker
 
     worker = get_worker()
-    _refuse_other(job, worker)
+    difference = document_difference(job.environment, describe_environment())
+    if difference:
+        # Other workers do the tasks, and this one closes.
+        worker.log_event(topic(job.session), {"refused": worker.address, "difference": difference})
+        worker.loop.add_callback(worker.close)
+        raise Reschedule
     reported = 0.0
 
     def report(stage: str, done: int, total: int) -> None:
@@ -248,19 +246,3 @@ def _attempt(job: Job, task: str) -> Iterator[Callable[[str, int, int], None]]:
 def topic(session: str) -> str:
     """Return the name under which workers report what they do for a session of a batch."""
     return f"crowdsim-batch-{session}"
-
-
-@lru_cache(maxsize=1)
-def _own_environment() -> dict[str, Any]:
-    return describe_environment()
-
-
-def _refuse_other(job: Job, worker: Any) -> None:
-    """Let other workers do the tasks where this one is not what it must be, and close it."""
-    from distributed import Reschedule
-
-    difference = document_difference(job.environment, _own_environment())
-    if difference:
-        worker.log_event(topic(job.session), {"refused": worker.address, "difference": difference})
-        worker.loop.add_callback(worker.close)
-        raise Reschedule

@@ -4,14 +4,27 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
 import sys
+from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from crowdsim.commands.batch_text import BatchBars, plan_lines, print_outcome
-from crowdsim.commands.common import Json, Mocap, Threads, complete_scenario, detail, print_json, say, talk
+from crowdsim.commands.common import (
+    Json,
+    Mocap,
+    Threads,
+    complete_scenario,
+    detail,
+    print_json,
+    say,
+    size_text,
+    talk,
+)
+from crowdsim.commands.process import escaped, terminal
 from crowdsim.commands.progress import Bars
 from crowdsim.core.workers import CORES
 from crowdsim.errors import CrowdsimError
@@ -19,6 +32,8 @@ from crowdsim.errors import CrowdsimError
 if TYPE_CHECKING:
     from crowdsim.batch.description import Batch
     from crowdsim.batch.plan import Plan
+    from crowdsim.batch.results import Progress
+    from crowdsim.batch.running import Outcome
 
 _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0}
 _SIZES = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12}
@@ -78,8 +93,8 @@ def batch(
 ) -> None:
     """Run many scenarios: sweeps over seeds and other keys, on this machine or on a Dask cluster."""
     from crowdsim.batch.description import with_overrides
-    from crowdsim.batch.engine import BatchOptions
     from crowdsim.batch.running import plan_batch, run_batch
+    from crowdsim.batch.workers import BatchOptions
 
     wanted = with_overrides(_read_batch(files, seeds, sweep or []), override or ())
     limit, most = _parse_time(timeout), None if memory is None else _parse_size(memory)
@@ -102,7 +117,7 @@ def batch(
         threads, command,
     )  # fmt: skip
     detail(f"{plan.batch.name}: {len(plan.runs):,} runs into {folder}")
-    with Bars() as bars, BatchBars(plan) as shown:
+    with Bars() as bars, _BatchBars(plan) as shown:
         outcome = run_batch(folder, plan, runs, options, shown, shown.note, bars)
     if as_json:
         print_json(
@@ -113,7 +128,7 @@ def batch(
             }
         )  # fmt: skip
     elif not talk.quiet:
-        print_outcome(outcome)
+        _print_outcome(outcome)
     if outcome.failures:
         for id, failure in outcome.failures.items():
             print(f"{plan.runs[id].folder}: {failure['task']}: {failure['message']}", file=sys.stderr)
@@ -150,8 +165,7 @@ def _print_plan(folder: Path, plan: Plan, as_json: bool) -> None:
 
     done = {id for id, run in plan.runs.items() if is_done(folder, run)}
     if not as_json:
-        for line in plan_lines(plan, done):
-            say(line)
+        _print_runs(plan, done)
         return
     values = {id: {"scenario": one.scenario, **one.values} for one, id in reversed(plan.combinations)}
     runs: list[dict[str, Any]] = [
@@ -179,3 +193,127 @@ def _parse_size(text: str) -> int:
     if match is None or float(match[1]) * _SIZES[match[2]] < 1e6:
         raise CrowdsimError(f"memory {text!r}: expected a size of at least 1M, such as 500M or 4G")
     return int(float(match[1]) * _SIZES[match[2]])
+
+
+def _print_runs(plan: Plan, done: set[str]) -> None:
+    """Print the runs of a plan with what they take, and all together."""
+    labels = {id: str(one) for one, id in reversed(plan.combinations)}
+    width = max(map(len, labels.values()))
+    heads = "".join(f"  {name:>9}" for name in ("avatars", "frames", "disk", "memory"))
+    say(f"{'run':<{width}}  {'id':<16}  {'seed':>6}{heads}  minutes")
+    for id, run in plan.runs.items():
+        disk, memory = size_text(run.estimate.bytes), size_text(run.estimate.memory)
+        size = f"{run.avatars:>9,}  {run.control_frames:>9,}  {disk:>9}  {memory:>9}  {run.estimate.seconds / 60:7.2f}"
+        say(f"{labels[id]:<{width}}  {id}  {run.seed:>6}  {size}{'  done' if id in done else ''}")
+    left = [run.estimate for id, run in plan.runs.items() if id not in done]
+    total, most = size_text(sum(one.bytes for one in left)), max((one.memory for one in left), default=0.0)
+    say(
+        f"{len(left):,} of {len(plan.runs):,} runs to do: {total} on disk, {size_text(most)} of memory a worker, "
+        f"{sum(one.seconds for one in left) / 60:.1f} minutes of one core"
+    )
+    same = len(plan.combinations) - len(plan.runs)
+    if same:
+        say(f"{same:,} combinations give the same scenario as another one, and are not run again")
+
+
+def time_text(seconds: float) -> str:
+    """Return a time in the units that suit it."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
+class _BatchBars:
+    """How far a batch is, on standard error; called with its progress.
+
+    On a terminal there is a bar for all runs and one for each that a worker is at. Elsewhere each run that ends has a
+    line of plain text. With ``--quiet`` there is neither.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self._labels = {id: str(one) for one, id in reversed(plan.combinations)}
+        self._order = list(plan.runs)
+        self._ended: set[str] | None = None
+        self._all: Any = None
+        self._each: dict[str, Any] = {}
+
+    def __call__(self, progress: Progress) -> None:
+        """Show it."""
+        ended, total, live = progress.done | progress.failed, len(self._order), sys.stderr.isatty()
+        if talk.quiet:
+            return
+        if self._ended is None:
+            self._ended = set(progress.done)
+            if progress.done:
+                self.note(f"{len(progress.done):,} of {total:,} runs are finished already")
+        seconds = None if len(ended) == total else progress.seconds_left()
+        remaining = "" if seconds is None else f", about {time_text(seconds)} left"
+        if live:
+            self._show_bars(progress, len(ended), remaining.removeprefix(", "))
+        for number, id in enumerate(sorted(ended - self._ended, key=self._order.index), len(self._ended) + 1):
+            what = "failed" if id in progress.failed else "done"
+            if not live or what == "failed":
+                self.note(f"{number:,} of {total:,}: {self._labels[id]}: {what}{remaining}")
+        self._ended |= ended
+
+    def note(self, text: str) -> None:
+        """Print a line of its own, above the bars where there are some."""
+        if talk.quiet:
+            return
+        if self._all is not None:
+            self._all.write(escaped(text), file=terminal())
+        else:
+            print(text, file=sys.stderr, flush=True)
+
+    def _show_bars(self, progress: Progress, ended: int, remaining: str) -> None:
+        from tqdm import tqdm
+
+        # Some terminals say that they have no columns and no rows.
+        columns, rows = shutil.get_terminal_size((80, 24))
+        size: dict[str, Any] = {"file": terminal(), "ncols": columns, "nrows": rows}
+        if self._all is None:
+            form = "{desc}: {n_fmt} of {total_fmt} |{bar}| {elapsed}{postfix}"
+            self._all = tqdm(total=len(self._order), desc="runs", bar_format=form, position=0, **size)
+        self._all.n = ended
+        self._all.set_postfix_str(remaining, refresh=False)
+        self._all.refresh()
+        for id in [id for id in self._each if id not in progress.active]:
+            self._each.pop(id).close()
+        for id, (stage, done, total) in list(progress.active.items())[:8]:
+            if id not in self._each:
+                form = "  {desc} |{bar:20}| {n_fmt} of {total_fmt}"
+                self._each[id] = tqdm(bar_format=form, leave=False, **size)
+            bar = self._each[id]
+            bar.set_description_str(f"{self._labels[id]}, {stage}", refresh=False)
+            bar.total, bar.n = total, done
+            bar.refresh()
+
+    def __enter__(self) -> _BatchBars:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for bar in self._each.values():
+            bar.close()
+        with suppress(AttributeError):
+            self._all.close()
+
+
+def _print_outcome(outcome: Outcome) -> None:
+    """Print what came of a batch, on one screen."""
+    from crowdsim.batch.attempts import KINDS
+    from crowdsim.batch.plan import REPORT
+    from crowdsim.batch.report import INDEX, SUMMARY
+
+    seconds = outcome.seconds
+    print(outcome.folder)
+    kept = f", {outcome.kept:,} before" if outcome.kept else ""
+    print(f"  runs      {len(outcome.plan.runs):,}: {outcome.done:,} done{kept}, {len(outcome.failures):,} failed")
+    if outcome.left:
+        print(f"  left      {outcome.left:,}, after the first failure")
+    causes = Counter(failure["cause"] for failure in outcome.failures.values())
+    for cause, count in causes.most_common():
+        print(f"  failed    {count:,}: {KINDS.get(cause, cause)}")
+    for failure in list(outcome.failures.values())[:10]:
+        print(f"  to repeat {failure['command']}")
+    print(f"  report    {outcome.folder / REPORT / INDEX}, {SUMMARY}")
+    print(f"  seconds   {', '.join(f'{stage} {value:.1f}' for stage, value in seconds.items())}")

@@ -147,8 +147,8 @@ def _has_failed(runs: Mapping[str, Mapping[str, Any]]) -> bool:
 
 def _print_batch(folder: Path, as_json: bool) -> bool:
     """Print how far a batch is, and the runs that are at work or have failed; return whether there are failed ones."""
-    from crowdsim.batch.status import describe_batch
-    from crowdsim.commands.batch_text import time_text
+    from crowdsim.batch.results import describe_batch
+    from crowdsim.commands.batching import time_text
 
     facts = describe_batch(folder)
     has_failed = _has_failed(facts["runs"])

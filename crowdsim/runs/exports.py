@@ -16,7 +16,6 @@ from crowdsim.errors import CrowdsimError, nearest
 from crowdsim.export.posed import PosedOutput, extent_of, write_posed
 from crowdsim.files import is_folder, move_plain, walk
 from crowdsim.runs.manifest import EXPORT
-from crowdsim.runs.outputs import plan_outputs
 from crowdsim.runs.provenance import sources_hash
 from crowdsim.runs.stage import Plan, Wanted, write_together
 from crowdsim.scenario.frame_ranges import parse_frames
@@ -133,7 +132,7 @@ def export_take(
         for finding in output.findings_with(policies):
             raise CrowdsimError(f"{output.name}: {finding}")
     place, kinds = out or folder, [output.name for output in outputs]
-    plan = plan_outputs(outputs, extent_of(take), take.cast.names.tolist())
+    plan = Plan.of(outputs, extent_of(take), take.cast.names.tolist())
     with write_together(place, _wanted(outputs, plan, {"take": _mark(take)}), folder, force, threads) as writing:
         if writing.done:
             written = {kind: [path for path in writing.done if path.parent.name == kind] for kind in kinds}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict
+from os.path import commonpath
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +32,6 @@ from crowdsim.runs.lock import hold_folder
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import RUN as STAGE
 from crowdsim.runs.manifest import checksums, read_ledger, read_manifest
-from crowdsim.runs.outputs import plan_outputs, write_outputs
 from crowdsim.runs.provenance import Origin, origin_of
 from crowdsim.runs.recorded import RecordedRun
 from crowdsim.runs.run import Report, Run
@@ -245,7 +245,7 @@ def plan_run(one: Run, crowd: Crowd) -> Plan:
     names, wanted = crowd.cast.names.tolist(), scenario.outputs.wanted()
     extent = Extent(len(names), crowd.frames, crowd.rate)
     scenario.refuse([output.place(finding) for output in wanted for finding in output.findings_for(extent)])
-    plan = plan_outputs(wanted, extent, names)
+    plan = Plan.of(wanted, extent, names)
     count = sum(plan.counts().values())
     if count > MOST_FILES:
         raise ScenarioError(f"{scenario.name}: outputs are {count:,} files, expected at most {MOST_FILES:,}")
@@ -269,7 +269,7 @@ def _write(one: Run, crowd: Crowd, origin: Origin, begun: Checkpoint | None, sta
     for name in scenario.files:
         copy_plain(scenario.folder / name, work, PurePosixPath(name).as_posix())
     take, timings = _write_take(one, crowd, origin, begun)
-    outputs = write_outputs(one, take, crowd.policies, timings)
+    outputs = _write_outputs(one, take, crowd.policies, timings)
     for kind, (place, files) in outputs.items():
         size = sum(path.stat().st_size for path in files)
         one.report.outputs[kind] = (one.folder / place.relative_to(work), len(files), size)
@@ -285,7 +285,7 @@ def _write(one: Run, crowd: Crowd, origin: Origin, begun: Checkpoint | None, sta
 def _write_take(one: Run, crowd: Crowd, origin: Origin, begun: Checkpoint | None) -> tuple[Take, Array | None]:
     """Simulate and write the take as it comes; return it, and what control cost where that is wanted."""
     from crowdsim.crowd.statistics import StatisticsCounter
-    from crowdsim.runs.resuming import write_take
+    from crowdsim.runs.recording import write_take
 
     path = one.work / TAKE
     counter = StatisticsCounter(crowd.policies, crowd.cast.policies, crowd.cast.widths, crowd.frames)
@@ -295,6 +295,38 @@ def _write_take(one: Run, crowd: Crowd, origin: Origin, begun: Checkpoint | None
     one.report.statistics = counter.finish()
     one.clock.lap("take")
     return take, timings
+
+
+def _write_outputs(
+    run: Run, take: Take, policies: Sequence[Policy], timings: Array | None
+) -> dict[str, tuple[Path, list[Path]]]:
+    """Write the outputs that a run's scenario asks for from its take; return the files of each, and where they are.
+
+    Files that are there already are whole, and are not written again.
+
+    ``timings`` is what control cost where that was measured. Shape (frames, 6), int64 [ns].
+    """
+    from crowdsim.crowd.draw import pack_arena
+    from crowdsim.export.posed import FinishedTake, PosedOutput, write_posed
+    from crowdsim.poses.sampler import PoseSampler
+
+    arena = pack_arena(run.scenario.arena)
+    done = FinishedTake(take, policies, run.work, run.threads, run.advance_outputs, arena, timings)
+    found: dict[str, tuple[Path, list[Path]]] = {}
+    wanted = run.scenario.outputs.wanted()
+    posed = [output for output in wanted if isinstance(output, PosedOutput)]
+    if posed:
+        sampler = PoseSampler(take, policies, run.threads)
+        for kind, files in write_posed(sampler, run.work, posed, run.threads, run.advance_outputs).items():
+            found[kind] = run.work / kind, files
+        run.clock.lap("export")
+    for output in wanted:
+        files = [] if isinstance(output, PosedOutput) else output.write(done)
+        if files:
+            # One file is named, of several the folder that they are in.
+            found[output.label or output.name] = Path(commonpath(files)), files
+            run.clock.lap(output.stage)
+    return {kind: (place, files) for kind, (place, files) in found.items() if files}
 
 
 def _manifest(one: Run, crowd: Crowd, origin: Origin) -> dict[str, Any]:

@@ -56,6 +56,7 @@ from crowdsim.runs.manifest import (
     signed_text,
     write_manifest,
 )
+from crowdsim.scenario.output import Extent, Output, Series
 
 FORMAT = "crowdsim-stage"
 TAKE = "take.zarr"
@@ -78,6 +79,13 @@ class Plan:
     files: set[str] = field(default_factory=set)
     series: list[tuple[str, range, str]] = field(default_factory=list)
     trees: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, outputs: Iterable[Output], extent: Extent, avatars: Sequence[str]) -> Plan:
+        """Return the names of all files that outputs of a take may have; ``avatars`` are those of its avatars."""
+        named = [one for output in outputs for one in output.files(extent, avatars)]
+        series = [one for one in named if isinstance(one, Series)]
+        return cls({one for one in named if not isinstance(one, Series)}, [*series])
 
     def __contains__(self, name: str) -> bool:
         """Whether a file is one of them."""

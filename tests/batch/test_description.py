@@ -7,9 +7,8 @@ import pytest
 from batches import write_batch
 from scenes import write_scene
 
-from crowdsim.batch.axes import combine
 from crowdsim.batch.description import batch_of_options, batch_reference, load_batch, with_overrides
-from crowdsim.batch.resolving import resolve
+from crowdsim.batch.plan import resolve
 from crowdsim.errors import BatchError, CrowdsimError
 from crowdsim.scenario.scenario import load_scenario
 
@@ -35,7 +34,7 @@ def option_fault(*values: object) -> list[str]:
 def test_axes_are_multiplied_and_keys_of_one_axis_change_together(workplace: Path) -> None:
     axes = [{"seed": "0:3"}, {"duration": [20, 30], "groups[0].count": [1, 2]}]
     batch = load_batch(write_batch(workplace, axes=axes))
-    found = [one.values for one in combine(batch.scenarios, batch.all_axes)]
+    found = [one.values for one in batch.combinations()]
     pairs = [(20, 1), (30, 2)]
     assert found == [{"seed": s, "duration": d, "groups[0].count": c} for s in range(3) for d, c in pairs]
 

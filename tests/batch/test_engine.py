@@ -8,8 +8,10 @@ from typing import Any
 
 import pytest
 
-from crowdsim.batch.attempts import TaskError, attempt, read_attempts
-from crowdsim.batch.engine import (
+from crowdsim.batch.attempts import TaskError, attempt, describe_failure, read_attempts
+from crowdsim.batch.plan import PlannedRun, estimate
+from crowdsim.batch.tasks import Job
+from crowdsim.batch.workers import (
     TOKEN,
     BatchOptions,
     connect,
@@ -18,10 +20,6 @@ from crowdsim.batch.engine import (
     place_token,
     worker_findings,
 )
-from crowdsim.batch.estimates import estimate
-from crowdsim.batch.failures import describe_failure
-from crowdsim.batch.plan import PlannedRun
-from crowdsim.batch.tasks import Job
 from crowdsim.errors import BatchError
 from crowdsim.scenario.outputs import Outputs
 

@@ -9,13 +9,10 @@ import pytest
 from batches import write_batch
 from scenes import crowdsim
 
-from crowdsim.batch.axes import combine
 from crowdsim.batch.description import MAXIMUM_RUNS, batch_of_options, load_batch, with_overrides
 from crowdsim.batch.documents import MAXIMUM_BYTES
-from crowdsim.batch.estimates import check_disk, estimate
-from crowdsim.batch.plan import NAME, Plan, PlannedRun, read_plan, write_plan
-from crowdsim.batch.running import plan_batch
-from crowdsim.batch.session import frame_ranges
+from crowdsim.batch.plan import NAME, Plan, PlannedRun, check_disk, estimate, read_plan, write_plan
+from crowdsim.batch.running import frame_ranges, plan_batch
 from crowdsim.errors import BatchError
 from crowdsim.outputs.bvh import BvhOutput
 from crowdsim.outputs.csv import CsvOutput
@@ -80,7 +77,6 @@ def test_a_plan_is_read_as_it_was_written(workplace: Path) -> None:
     read = read_plan(folder)
     assert replace(read, batch=plan.batch) == plan
     assert read.batch.model_dump() == plan.batch.model_dump()
-    assert read.axes == plan.axes
     assert [run.mark for run in read.runs.values()] == [run.mark for run in plan.runs.values()]
 
 
@@ -89,7 +85,7 @@ def test_a_plan_of_as_many_runs_as_there_may_be_is_read_again_and_a_longer_one_n
     one, count = run_of(20, Outputs(render=RenderOutput())), itertools.count()
     ids = {f"{number:016x}": number for number in range(MAXIMUM_RUNS)}
     runs = {id: replace(one, id=id, seed=number) for id, number in ids.items()}
-    pairs = tuple((each, f"{next(count):016x}") for each in combine(batch.scenarios, batch.all_axes))
+    pairs = tuple((each, f"{next(count):016x}") for each in batch.combinations())
     plan = Plan(batch, pairs, runs, environment={"versions": {}, "processor": "Abacus"})
     write_plan(tmp_path, plan)
     assert len(read_plan(tmp_path).runs) == MAXIMUM_RUNS

@@ -12,7 +12,7 @@ import pytest
 from batches import write_batch
 from scenes import crowdsim
 
-from crowdsim.batch.engine import BatchOptions, connect, dashboard_address, find_certificates
+from crowdsim.batch.workers import BatchOptions, connect, dashboard_address, find_certificates
 from crowdsim.errors import BatchError
 
 PAGES = ("/", "/status", "/info/main/workers.html", "/json/counts.json", "/metrics", "/health", "/proxy/80/127.0.0.1/")

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -75,42 +76,55 @@ class Sink:
 
 OUTPUT = BodiesOutput
 '''
-PROGRAM = "import crowdsim.outputs; crowdsim.outputs.__path__.append('more'); from crowdsim.cli import main; main()"
+PROGRAM = """
+import crowdsim.outputs; crowdsim.outputs.__path__.append("more")
+import contextlib, io, json, sys
+from crowdsim.cli import main
+
+for words in json.loads(sys.argv[1]):
+    sys.argv, code, said, wrong = ["crowdsim", *words], 0, io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(wrong):
+        try:
+            main()
+        except SystemExit as leave:
+            code = leave.code or 0
+    print(json.dumps([code, said.getvalue(), wrong.getvalue()]))
+"""
 
 
-def crowdsim(*words: str) -> subprocess.CompletedProcess[str]:
-    """Run a command with the output beside the others."""
-    command = [sys.executable, "-c", PROGRAM, *words]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+def crowdsim(*commands: str) -> Iterator[tuple[int, str, str]]:
+    """Run commands in one process that has the output beside the others; yield the code, output and errors of each."""
+    words = json.dumps([command.split() for command in commands])
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, words], capture_output=True, text=True, timeout=300, check=True
+    )
+    return (tuple(json.loads(line)) for line in done.stdout.splitlines())
 
 
 def test_an_output_that_is_one_more_file_is_written_exported_checked_and_described(workplace: Path) -> None:
     (workplace / "more").mkdir()
     (workplace / "more" / "bodies.py").write_text(ONE_FILE)
-    scene = write_scene(workplace / "four.yaml", outputs={"bodies": {"fps": 15, "frames": [0, 4], "avatars": [0, 9]}})
-    wrong = crowdsim("validate", str(scene))
-    assert wrong.returncode == 2
-    assert "outputs.bodies.avatars[1]: is 9, expected an avatar from 0 to 3" in wrong.stderr
-    write_scene(scene, outputs={"bodies": {"fps": 15, "frames": [0, 4], "avatars": [0, 2]}})
-    done = crowdsim("run", "four.yaml", "--out", "run")
-    assert done.returncode == 0, done.stderr
-    assert "bodies          run/bodies (1 file, " in done.stdout
+    bodies = {"fps": 15, "frames": [0, 4], "avatars": [0, 9]}
+    write_scene(workplace / "wrong.yaml", outputs={"bodies": bodies})
+    write_scene(workplace / "four.yaml", outputs={"bodies": {**bodies, "avatars": [0, 2]}})
+    wrong, done, status, verified, again, help_text, schema, plan = crowdsim(
+        "validate wrong.yaml", "run four.yaml --out run", "status run --json", "verify run",
+        "export run --bodies --fps 30 --digits 1 --out again", "export --help", "schema",
+        "batch four.yaml --seeds 0:2 --dry-run",
+    )  # fmt: skip
+    assert wrong[0] == 2
+    assert "outputs.bodies.avatars[1]: is 9, expected an avatar from 0 to 3" in wrong[2]
+    assert [one[0] for one in (done, status, verified, again, help_text, schema, plan)] == [0] * 7
+    assert "bodies          run/bodies (1 file, " in done[1]
     held = json.loads((workplace / "run" / "bodies" / "take.json").read_text())
     assert (len(held["colours"]), len(held["frames"])) == (2, 4)
     opened = open_run_without(workplace / "run")
     np.testing.assert_allclose(held["frames"][3][0][1], opened.joints(2, 0.2)[0], atol=6e-4)
-    status = json.loads(crowdsim("status", "run", "--json").stdout)
-    assert status["run"]["outputs"] == {"bodies": {"done": 1, "planned": 1}}
-    assert crowdsim("verify", "run").returncode == 0
-    again = crowdsim("export", "run", "--bodies", "--fps", "30", "--digits", "1", "--out", "again")
-    assert again.returncode == 0, again.stderr
+    assert json.loads(status[1])["run"]["outputs"] == {"bodies": {"done": 1, "planned": 1}}
     assert len(json.loads((workplace / "again" / "bodies" / "take.json").read_text())["frames"]) == 79
-    help_text = crowdsim("export", "--help").stdout
-    assert "Bodies of all avatars as one JSON file." in help_text
-    assert "--digits N" in help_text
-    assert '"BodiesOutput"' in crowdsim("schema").stdout
-    plan = crowdsim("batch", "four.yaml", "--seeds", "0:2", "--dry-run")
-    assert plan.returncode == 0, plan.stderr
+    assert "Bodies of all avatars as one JSON file." in help_text[1]
+    assert "--digits N" in help_text[1]
+    assert '"BodiesOutput"' in schema[1]
 
 
 def open_run_without(folder: Path):

@@ -21,13 +21,10 @@ from scenes import crowdsim
 
 from crowdsim.batch.attempts import read_attempts
 from crowdsim.batch.dataset import open_batch
-from crowdsim.batch.engine import TOKEN, describe_worker
-from crowdsim.batch.plan import read_plan, write_plan
-from crowdsim.batch.progress import Progress, read_progress
+from crowdsim.batch.plan import read_plan, resolve, write_plan
 from crowdsim.batch.report import write_report
-from crowdsim.batch.resolving import resolve
-from crowdsim.batch.results import write_result
-from crowdsim.batch.status import describe_batch
+from crowdsim.batch.results import Progress, describe_batch, read_progress, write_result
+from crowdsim.batch.workers import TOKEN, describe_worker
 from crowdsim.errors import CrowdsimError
 from crowdsim.runs.manifest import signed_text
 

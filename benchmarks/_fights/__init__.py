@@ -1,0 +1,1 @@
+"""Measures of fights: what ``fights.py`` puts together."""
