@@ -10,35 +10,45 @@ from scipy.spatial import cKDTree
 from crowdsim.core.types import Array
 from crowdsim.crowd.record import TakeData
 from crowdsim.poses.motion import PoseMotion
+from crowdsim.poses.neighbours import near_avatars
 
 _SOON = 0.2
 """Time before a fall in which a hit does not add a reaction to it [s]."""
 
 
-def fallen_rows(take: TakeData, motions: Sequence[PoseMotion], first: int, stop: int) -> Array:
-    """Return who is down at control frames ``first`` to ``stop``. Shape (stop - first, N), bool."""
-    action, done = np.asarray(take.action[first:stop]), np.asarray(take.action_frame[first:stop], dtype=float)
+def fallen_rows(
+    take: TakeData, motions: Sequence[PoseMotion], first: int, stop: int, avatars: Array | None = None
+) -> Array:
+    """Return which avatars (n,), or all, are down at control frames ``first`` to ``stop``.
+
+    Shape (stop - first, n), bool.
+    """
+    some = slice(None) if avatars is None else avatars
+    action, policies = np.asarray(take.action[first:stop])[:, some], take.cast.policies[some]
     down = np.zeros(action.shape, bool)
     for index, motion in enumerate(motions):
         if motion.down.any():
-            here = (action >= 0) & (take.cast.policies == index)
-            down[here] = motion.down[motion.frames_at(action[here], done[here])]
+            here = (action >= 0) & (policies == index)
+            done = np.asarray(take.action_frame[first:stop])[:, some][here]
+            down[here] = motion.down[motion.frames_at(action[here], done.astype(float))]
     return down
 
 
 def near_fallen(
     take: TakeData, motions: Sequence[PoseMotion], first: int, stop: int, avatars: Array, distance: float
 ) -> Array:
-    """Return whether avatars (n,) are nearer than a distance [m] to one that is down, itself among them.
+    """Return whether avatars (n,) are nearer than a distance of no more than ``TOUCH`` to one that is down.
 
-    At control frames ``first`` to ``stop``; positions are those on the ground. Shape (stop - first, n), bool.
+    They may be down themselves. At control frames ``first`` to ``stop``; positions are those on the ground. Shape
+    (stop - first, n), bool.
     """
-    down = fallen_rows(take, motions, first, stop)
+    around = near_avatars(take, avatars, first, stop)
+    down = fallen_rows(take, motions, first, stop, around)
     near = np.zeros((len(down), len(avatars)), bool)
-    places = np.stack([np.asarray(values[first:stop], dtype=float) for values in (take.x, take.z)], axis=-1)
     for row in np.flatnonzero(down.any(axis=1)):
-        here = np.flatnonzero(np.isfinite(places[row, avatars, 0]))
-        far, _ = cKDTree(places[row, down[row]]).query(places[row, avatars[here]])
+        places = np.stack([np.asarray(values[first + row], dtype=float) for values in (take.x, take.z)], axis=-1)
+        here = np.flatnonzero(np.isfinite(places[avatars, 0]))
+        far, _ = cKDTree(places[around[down[row]]]).query(places[avatars[here]])
         near[row, here] = far < distance
     return near
 
@@ -51,7 +61,8 @@ def falls_soon(take: TakeData, motions: Sequence[PoseMotion], avatars: Array, ti
     rows = np.clip((times * rate).astype(np.int64), 0, last)
     ends = np.clip(np.ceil((times + _SOON) * rate).astype(np.int64), 0, last)
     first, stop = int(rows.min()), int(ends.max()) + 1
-    down = fallen_rows(take, motions, first, stop)
+    some, columns = np.unique(avatars, return_inverse=True)
+    down = fallen_rows(take, motions, first, stop, some)
     counts = np.concatenate([np.zeros((1, down.shape[1]), np.int64), np.cumsum(down, axis=0)])
-    result: Array = counts[ends + 1 - first, avatars] > counts[rows - first, avatars]
+    result: Array = counts[ends + 1 - first, columns] > counts[rows - first, columns]
     return result

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable
 
 import numpy as np
@@ -10,12 +11,12 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.poses.kernels.records import Offsets
 
-_NUMBERS, _FRAMES = 32_000_000, 64
+_NUMBERS, _FRAMES = 4_000_000, 64
 """Numbers that are kept at the most; and frames that are kept however many avatars there are."""
 
 
 class Kept:
-    """Numbers for each avatar and frame.
+    """Numbers for each avatar and frame; several threads may ask for them.
 
     Args:
         frames: Frames of the grid.
@@ -30,7 +31,7 @@ class Kept:
     ) -> None:
         self.frames, self.rate, self._find = frames, rate, find
         self._most = max(_NUMBERS // max(avatars * math.prod(shape), 1), _FRAMES)
-        self._first = 0
+        self._first, self._lock = 0, threading.RLock()
         self._values = np.zeros((0, avatars, *shape), np.float32)
         self._known = np.zeros((0, avatars), bool)
 
@@ -46,24 +47,29 @@ class Kept:
 
     def rows(self, frames: Array, avatars: Array) -> Array:
         """Return the numbers of avatars (n,) at frames (T,), both ascending. Shape (T, n, *shape), float32."""
-        frames_missing, avatars_missing = self.missing(frames, avatars)
-        if len(frames_missing):
+        while True:
+            with self._lock:
+                frames_missing, avatars_missing = self.missing(frames, avatars)
+                if not len(frames_missing):
+                    return np.ascontiguousarray(self._values[(frames - self._first)[:, None], avatars])
+            # Another thread may look for the same, and finds the same.
             self.note(frames_missing, avatars_missing, self._find(frames_missing, avatars_missing))
-        return np.ascontiguousarray(self._values[(frames - self._first)[:, None], avatars])
 
     def missing(self, frames: Array, avatars: Array) -> tuple[Array, Array]:
         """Return which of frames and avatars, both ascending, are not known all of them."""
-        self._hold(int(frames[0]), int(frames[-1]) + 1)
-        known = self._known[(frames - self._first)[:, None], avatars]
+        with self._lock:
+            self._hold(int(frames[0]), int(frames[-1]) + 1)
+            known = self._known[(frames - self._first)[:, None], avatars]
         rows = ~known.all(axis=1)
         return frames[rows], avatars[~known[rows].all(axis=0)]
 
     def note(self, frames: Array, avatars: Array, found: Array) -> None:
         """Keep the numbers of avatars (n,) at frames (T,)."""
-        self._hold(int(frames[0]), int(frames[-1]) + 1)
-        rows = (frames - self._first)[:, None]
-        self._values[rows, avatars] = found
-        self._known[rows, avatars] = True
+        with self._lock:
+            self._hold(int(frames[0]), int(frames[-1]) + 1)
+            rows = (frames - self._first)[:, None]
+            self._values[rows, avatars] = found
+            self._known[rows, avatars] = True
 
     def _hold(self, low: int, high: int) -> None:
         """Make room for frames ``low`` to ``high``, and drop others where there are too many."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from crowdsim.poses.window import Window
 Joints = tuple[Array, Body, Array, Array, Array]
 """Joints of some of the avatars asked for: which of them (n,), body, sizes (n,), positions (n, J, 3) [m] and rotations
 (n, J, 4) in the world."""
+Result = TypeVar("Result")
 EVERYWHERE = 1_000
 """Hops of a layer that counts however far away an avatar is."""
 
@@ -69,17 +70,25 @@ class Scheduler(Protocol):
 
     take: TakeData
     motions: Sequence[PoseMotion]
-    threads: int
     reactions: bool
     landed: Landed
+
+    @property
+    def threads(self) -> int:
+        """Threads that work on avatars may use here."""
 
     def joints(self, avatars: Array, times: Array, through: str = "", hops: int = 0) -> list[Joints]:
         """Return joints of avatars (E,) at times (E,), each at its own, with the layers up to one of them."""
 
     def stretch(
-        self, avatars: Array, times: Array, through: str = "", hops: int = 0, without: tuple[str, ...] = ()
-    ) -> Iterator[Block]:
-        """Pose avatars (n,), ascending, at the same times (T,), some at once, with the layers up to one of them."""
+        self,
+        use: Callable[[Block], Result],
+        avatars: Array,
+        times: Array,
+        through: str = "",
+        without: tuple[str, ...] = (),
+    ) -> list[Result]:
+        """Pose avatars (n,), ascending, at the same times (T,), with the layers up to one of them."""
 
 
 class Layer:

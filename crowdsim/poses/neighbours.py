@@ -3,36 +3,47 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.ndimage import binary_dilation
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.record import TakeData
 
 TOUCH = 3.1
 """Distance on the ground beyond which no two avatars touch [m]."""
+_MOST_CELLS = 2000
+"""Most cells of the grid that avatars are looked for in, along either axis."""
 _FEW = 64
 """So many avatars are not looked through."""
 
 
 def near_avatars(take: TakeData, avatars: Array, first: int, stop: int) -> Array:
-    """Return these avatars (n,) and all that are near one at any of control frames ``first`` to ``stop``, ascending.
+    """Return these avatars (n,) and all that are near one about control frames ``first`` to ``stop``, ascending.
 
     There may be others among them.
     """
     if len(avatars) == take.avatar_count or take.avatar_count <= _FEW:
         return np.arange(take.avatar_count)
-    places = np.stack([np.asarray(values[first:stop], dtype=float) for values in (take.x, take.z)], -1)
-    places[np.asarray(take.action[first:stop]) < 0] = np.nan
+    absent = np.asarray(take.action[first:stop]) < 0
+    x, z = (np.where(absent, np.nan, values[first:stop]) for values in (take.x, take.z))
+    own_x, own_z = x[:, avatars], z[:, avatars]
+    here = np.isfinite(own_x)
     near = np.zeros(take.avatar_count, bool)
     near[avatars] = True
-    for now in places:
-        own = now[avatars[np.isfinite(now[avatars, 0])]]
-        if not len(own):
-            continue
-        low, high = own.min(axis=0) - TOUCH, own.max(axis=0) + TOUCH
-        others = np.flatnonzero(~near & (now >= low).all(axis=1) & (now <= high).all(axis=1))
-        if len(others):
-            near[others] = np.isfinite(cKDTree(own).query(now[others], distance_upper_bound=TOUCH)[0])
+    if here.any():
+        places = np.stack([own_x[here], own_z[here]])
+        low, high = places.min(axis=1) - TOUCH, places.max(axis=1) + TOUCH
+        # Comparisons with what is no number fail.
+        there = (x >= low[0]) & (x <= high[0]) & (z >= low[1]) & (z <= high[1])
+        others = np.flatnonzero(there.any(axis=0) & ~near)
+        inside = there[:, others]
+        cell = max(TOUCH / 3.0, float((high - low).max()) / _MOST_CELLS)
+        cells = np.zeros(((high - low) / cell).astype(int) + 1, bool)
+        cells[tuple(((places - low[:, None]) / cell).astype(int))] = True
+        cells = binary_dilation(cells, np.ones((2 * int(np.ceil(TOUCH / cell)) + 1,) * 2, bool))
+        found = np.zeros(inside.shape, bool)
+        around = np.stack([x[:, others][inside], z[:, others][inside]])
+        found[inside] = cells[tuple(((around - low[:, None]) / cell).astype(int))]
+        near[others] = found.any(axis=0)
     return np.flatnonzero(near)
 
 

@@ -6,7 +6,8 @@ avatar to the next fewer layers count, so that a pose depends on no more than a 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,8 +20,10 @@ from crowdsim.poses.layers import LAYERS
 from crowdsim.poses.layers.blend import Blend
 from crowdsim.poses.motion import PoseMotion
 from crowdsim.poses.neighbours import near_avatars, tiles
+from crowdsim.poses.together import each, threads_left
 from crowdsim.poses.window import Window
 
+Result = TypeVar("Result")
 POSES_AT_ONCE, _TOGETHER = 32_000, 600_000
 """Most poses that layers work on at once, and most whose neighbours are posed with them at once."""
 _AROUND = 40
@@ -55,7 +58,7 @@ class Poser:
         base: Poser | None = None,
         kinds: Sequence[type[Layer]] = LAYERS,
     ) -> None:
-        self.take, self.motions, self.threads, self.reactions = take, motions, threads, reactions
+        self.take, self.motions, self.reactions, self._threads = take, motions, reactions, threads
         self.landed: Landed = find_landed(take)
         self._places = {kind.name: place for place, kind in enumerate(kinds)}
         self.layers: dict[str, Layer] = {}
@@ -74,6 +77,11 @@ class Poser:
                     before, after = (on + more for on, more in zip(self._read[name], layer.looks, strict=True))
                     known = self._read[other]
                     self._read[other] = max(known[0], before), max(known[1], after)
+
+    @property
+    def threads(self) -> int:
+        """Threads that work on avatars may use here."""
+        return threads_left(self._threads)
 
     def part(
         self,
@@ -147,24 +155,42 @@ class Poser:
         return found
 
     def stretch(
-        self, avatars: Array, times: Array, through: str = "", hops: int = 0, without: tuple[str, ...] = ()
-    ) -> Iterator[Block]:
-        """Pose avatars (n,), ascending, at the same times (T,), some at once, with the layers up to one of them."""
-        owners, at_once = self.take.cast.policies[avatars], max(1, POSES_AT_ONCE // max(len(times), 1))
-        for policy in np.unique(owners):
-            # Those near one another read the same others.
-            for some in tiles(self.take, avatars[owners == policy], self._frame_at(times), at_once):
-                moments = Moments(np.arange(len(some)), times[:, None])
-                part = self.part(int(policy), some, moments, through, hops, without)
-                yield Block(np.searchsorted(avatars, some), part, self.pose(part))
+        self,
+        use: Callable[[Block], Result],
+        avatars: Array,
+        times: Array,
+        through: str = "",
+        without: tuple[str, ...] = (),
+    ) -> list[Result]:
+        """Pose avatars (n,), ascending, at the same times (T,), some at once, with the layers up to one of them.
 
-    def captured(self, avatars: Array, times: Array) -> Iterator[Block]:
-        """Pose avatars (n,), ascending, at the same times (T,), as they were captured, some at once."""
-        for block in self.stretch(avatars, times, Blend.name):
+        Returns what ``use`` makes of each block of them; several are posed and used at a time.
+        """
+        owners, at_once = self.take.cast.policies[avatars], max(1, POSES_AT_ONCE // max(len(times), 1))
+        # Those near one another read the same others.
+        pieces = [
+            (int(policy), some)
+            for policy in np.unique(owners)
+            for some in tiles(self.take, avatars[owners == policy], self._frame_at(times), at_once)
+        ]
+
+        def pose(piece: tuple[int, Array]) -> Result:
+            policy, some = piece
+            part = self.part(policy, some, Moments(np.arange(len(some)), times[:, None]), through, without=without)
+            return use(Block(np.searchsorted(avatars, some), part, self.pose(part)))
+
+        return each(pose, pieces, self._threads)
+
+    def captured(self, avatars: Array, times: Array) -> list[Block]:
+        """Pose avatars (n,), ascending, at the same times (T,), as they were captured."""
+
+        def capture(block: Block) -> Block:
             none = np.zeros(len(block.which) + 1, np.int64)
             block.part.plans[Blend.name] = block.part.window.transitions._replace(starts=none)
             self.layers[Blend.name].apply(block.part, block.poses)
-            yield block
+            return block
+
+        return self.stretch(capture, avatars, times, Blend.name)
 
     def sample(self, avatars: Array, times: Array) -> Iterator[Block]:
         """Pose avatars (n,), ascending, at the same times (T,), ascending, as they are shown; some at once."""
@@ -184,14 +210,14 @@ class Poser:
             stages.insert(0, reader.lacking(*stages[0]))
         starts = [*(names.index(name) for name, _ in readers), len(names)]
         self._prepare(*stages[0])
-        blocks = list(self.stretch(*stages[0], names[starts[0] - 1]))
+        blocks = self.stretch(lambda block: block, *stages[0], names[starts[0] - 1])
         for place, (_, reader) in enumerate(readers):
             now, then, added = stages[place], stages[place + 1], names[starts[place] : starts[place + 1]]
             reader.note(then[0], *now, blocks)
             blocks = [one for block in blocks if (one := _narrowed(block, now, then)) is not None]
             for block in blocks:
                 block.part.layers += added
-                self._add(block.part, added, block.poses)
+            each(lambda block: self._add(block.part, added, block.poses), blocks, self._threads)  # noqa: B023
         return blocks
 
     def _prepare(self, avatars: Array, times: Array) -> None:

@@ -8,7 +8,7 @@ of frames, posed alone, gives the same bytes as the whole.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -192,7 +192,7 @@ class PoseSampler:
         """What poses avatars with all layers."""
         return self._posers[NOTHING]
 
-    def _gathered(self, numbers: Array, times: Array, blocks: Iterator[Block]) -> list[Poses]:
+    def _gathered(self, numbers: Array, times: Array, blocks: Iterable[Block]) -> list[Poses]:
         """Return poses of avatars (n,) at times (T,), policy by policy, with what there is to know of their bodies."""
         cast, owners = self.take.cast, self.take.cast.policies[numbers]
         result = {}

@@ -143,6 +143,7 @@ class Window:
             ground=np.empty((count, 3)),
             directions=np.empty((count, 2, 2)),
             gaps=np.empty((count, 2, GAP_COLUMNS)),
+            returns=np.empty((count, 2, 2, 4)),
         )
 
         def work(low: int, high: int) -> None:

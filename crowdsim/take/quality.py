@@ -43,8 +43,7 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None, threads
 
     Args:
         sampler: Poses of its take.
-        progress: Called with ("poses", poses done, poses), then with ("strikes", stretches done, stretches) and
-            ("penetration", frames done, frames).
+        progress: Called with ("poses", poses done, poses), then with ("penetration", frames done, frames).
         threads: Threads that share the work.
 
     Returns:
@@ -79,8 +78,9 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None, threads
         **asdict(measure_fights(take)),
     }
     picked = _Picked(sampler)
-    report.update(_of_poses(sampler, picked, progress))
-    report.update(_of_fists(sampler, picked, progress))
+    gaps = _FistGaps(sampler, picked)
+    report.update(_of_poses(sampler, picked, gaps, progress))
+    report.update(gaps.figures())
     report.update(asdict(measure_penetration(sampler, threads, progress)))
     report.update(asdict(measure_variety(take, sampler.policies)))
     report.update(asdict(measure_spreads(take)))
@@ -113,13 +113,15 @@ class _Picked:
         sampler.expect(np.concatenate([np.arange(*stretch) for stretch in self.stretches]) / self.rate)
 
 
-def _of_poses(sampler: PoseSampler, picked: _Picked, progress: Progress | None) -> dict[str, float | None]:
+def _of_poses(
+    sampler: PoseSampler, picked: _Picked, gaps: _FistGaps, progress: Progress | None
+) -> dict[str, float | None]:
     slides: list[Array] = []
     jumps: list[Array] = []
     own: list[Array] = []
     beneath: list[Array] = []
     captured = [_CapturedMotion(sampler, index) for index in range(len(sampler.motions))]
-    for poses, start, rate in _some_poses(sampler, picked, progress):
+    for poses, start, rate in _some_poses(sampler, picked, gaps, progress):
         motion = captured[poses.policy]
         times = (start + np.arange(len(poses.rotations))) / rate
         window = sampler.window(poses.policy, poses.avatars, times)
@@ -169,31 +171,37 @@ def _of_poses(sampler: PoseSampler, picked: _Picked, progress: Progress | None) 
     }
 
 
-def _of_fists(sampler: PoseSampler, picked: _Picked, progress: Progress | None) -> dict[str, float | None]:
+class _FistGaps:
     """Gaps between landed fists and feet and the surface of their victims; of many strikes, an even selection."""
-    events = sampler.take.events
-    landed = np.flatnonzero(np.asarray(events.landed, dtype=bool) & (np.asarray(events.victim) >= 0))
-    times = np.asarray(events.frame, dtype=np.float64)[landed] / sampler.take.control_rate * picked.rate
-    if picked.whole:
-        groups = [landed]
-    else:
-        groups = [landed[(times >= start) & (times < stop)] for start, stop in picked.stretches]
-    chosen = np.concatenate(groups)
-    kept = chosen[np.unique(np.linspace(0, len(chosen) - 1, min(len(chosen), _MOST_STRIKES)).astype(np.int64))]
-    found = []
-    for done, group in enumerate(groups, 1):
-        found.append(_gaps(sampler, group[np.isin(group, kept)]))
-        if progress is not None:
-            progress("strikes", done, len(groups))
-    gaps = np.concatenate(found)
-    gaps = gaps[np.isfinite(gaps)]
-    there = len(gaps) > 0
-    return {
-        "fist_gap_median": float(np.median(gaps)) if there else None,
-        "fist_gap_95": float(np.percentile(gaps, 95)) if there else None,
-        "fist_gap_most": float(gaps.max()) if there else None,
-        "fists_off_share": float(np.mean(gaps > TOUCH)) if there else None,
-    }
+
+    def __init__(self, sampler: PoseSampler, picked: _Picked) -> None:
+        events = sampler.take.events
+        landed = np.flatnonzero(np.asarray(events.landed, dtype=bool) & (np.asarray(events.victim) >= 0))
+        times = np.asarray(events.frame, dtype=np.float64)[landed] / sampler.take.control_rate * picked.rate
+        if picked.whole:
+            groups = [landed]
+        else:
+            groups = [landed[(times >= start) & (times < stop)] for start, stop in picked.stretches]
+        chosen = np.concatenate(groups)
+        kept = chosen[np.unique(np.linspace(0, len(chosen) - 1, min(len(chosen), _MOST_STRIKES)).astype(np.int64))]
+        self._sampler, self._groups = sampler, [group[np.isin(group, kept)] for group in groups]
+        self._found: list[Array] = []
+
+    def add(self, stretch: int) -> None:
+        """Measure those of a stretch, given by its number."""
+        self._found.append(_gaps(self._sampler, self._groups[stretch]))
+
+    def figures(self) -> dict[str, float | None]:
+        """Return what has been measured."""
+        gaps = np.concatenate(self._found)
+        gaps = gaps[np.isfinite(gaps)]
+        there = len(gaps) > 0
+        return {
+            "fist_gap_median": float(np.median(gaps)) if there else None,
+            "fist_gap_95": float(np.percentile(gaps, 95)) if there else None,
+            "fist_gap_most": float(gaps.max()) if there else None,
+            "fists_off_share": float(np.mean(gaps > TOUCH)) if there else None,
+        }
 
 
 def _gaps(sampler: PoseSampler, some: Array) -> Array:
@@ -266,11 +274,13 @@ def _balls(sampler: PoseSampler, poses: Poses, positions: Array, rotations: Arra
     return np.asarray((positions[:, :, feet] + soles)[..., [0, 2]])
 
 
-def _some_poses(sampler: PoseSampler, picked: _Picked, progress: Progress | None) -> Iterator[tuple[Poses, int, float]]:
-    """Poses of what is picked, some at once: poses, first frame and rate."""
+def _some_poses(
+    sampler: PoseSampler, picked: _Picked, gaps: _FistGaps, progress: Progress | None
+) -> Iterator[tuple[Poses, int, float]]:
+    """Poses of what is picked, some at once: poses, first frame and rate; ``gaps`` are measured in each stretch."""
     total = len(picked.avatars) * sum(stop - start for start, stop in picked.stretches)
     done = 0
-    for start, stop in picked.stretches:
+    for number, (start, stop) in enumerate(picked.stretches):
         at_once = max(1, _POSES_AT_ONCE // max(stop - start, 1))
         for low in range(0, len(picked.avatars), at_once):
             group = picked.avatars[low : low + at_once]
@@ -278,6 +288,9 @@ def _some_poses(sampler: PoseSampler, picked: _Picked, progress: Progress | None
                 for poses in sampler.sample(first, min(first + _POSES_AT_ONCE, stop), picked.rate, group):
                     yield poses, first, picked.rate
             done += len(group) * (stop - start)
+            if low + at_once >= len(picked.avatars):
+                # What limbs give way to is known there already.
+                gaps.add(number)
             if progress is not None:
                 progress("poses", done, total)
 

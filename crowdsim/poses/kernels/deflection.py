@@ -61,6 +61,7 @@ class _Contacts(NamedTuple):
         others: The other body, and its capsule. Shape (C, 2).
         allowed: Depth up to which the body's own capsule leaves it [m]. Shape (C,).
         above: Whether the body's own capsule belongs above it. Shape (C,), bool.
+        middles: Where the bodies are on the ground, by x [m]. Shape (N, 2), float32.
         spheres: Middle and radius of a sphere around each limb of each body, and around its trunk [m]. Shape (N, 5, 4).
     """
 
@@ -68,6 +69,7 @@ class _Contacts(NamedTuple):
     others: Array
     allowed: Array
     above: Array
+    middles: Array
     spheres: Array
 
 
@@ -208,16 +210,14 @@ def _push(capsules, limbs, t, n, contact, contacts, moves, axis):
 @kernel(allocates=False)
 def _find_contacts(capsules, limbs, t, n, order, rank, contacts):
     """Note all capsules that limbs of an avatar are in or near; return how many."""
-    x, z, count = capsules.starts[t, n, 0, 0], capsules.starts[t, n, 0, 2], 0
+    middles, count = contacts.middles, 0
+    x, z = middles[rank, 0], middles[rank, 1]
     for way in (-1, 1):
         at = rank + way
-        while 0 <= at < order.shape[0]:
-            other = order[at]
-            # Absent ones are not a number, and end the search too.
-            if not abs(capsules.starts[t, other, 0, 0] - x) < NEAR:
-                break
-            if abs(capsules.starts[t, other, 0, 2] - z) < NEAR:
-                count = _add_contacts(capsules, limbs, t, n, other, contacts, count)
+        # Absent ones are not a number, and end the search too.
+        while 0 <= at < order.shape[0] and abs(middles[at, 0] - x) < NEAR:
+            if abs(middles[at, 1] - z) < NEAR:
+                count = _add_contacts(capsules, limbs, t, n, order[at], contacts, count)
             at += way
     return count
 
@@ -243,6 +243,7 @@ def deflect_limbs(first, stop, capsules, limbs, order, ranks, asked, moves):
         np.empty((_CONTACTS, 2), np.int64),
         np.empty(_CONTACTS, np.float64),
         np.empty(_CONTACTS, np.bool_),
+        np.empty((order.shape[1], 2), np.float32),
         np.empty((order.shape[1], LIMBS + 1, 4)),
     )
     axis, own = np.empty((2, 3), np.float32), np.empty((LIMBS, MOVED, 3))
@@ -253,6 +254,8 @@ def deflect_limbs(first, stop, capsules, limbs, order, ranks, asked, moves):
         if t != bounded:
             bounded = t
             for other in range(order.shape[1]):
+                middle = capsules.starts[t, order[t, other], 0]
+                contacts.middles[other, 0], contacts.middles[other, 1] = middle[0], middle[2]
                 bound_limbs(capsules, limbs.limbs[other], t, other, contacts.spheres[other])
         own[:] = 0.0
         if math.isfinite(capsules.starts[t, n, 0, 0]) and not limbs.down[t, n]:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.core.easing import minimum_jerk
-from crowdsim.core.quaternions import conjugate, from_vector, multiply, relative, rotate, rotate_about_y
+from crowdsim.core.quaternions import conjugate, multiply, relative, rotate
 from crowdsim.jit import kernel
 from crowdsim.poses.kernels.columns import (
     AFTER,
@@ -38,6 +38,7 @@ from crowdsim.poses.kernels.columns import (
     TRACK_FOOT,
     TRACK_TOES,
 )
+from crowdsim.poses.kernels.transitions import cross_gap
 
 SWING = 0.25
 """How long it takes to let go of a foot, or to lead it to where it lands [s]."""
@@ -210,15 +211,6 @@ def _played_on(footing, now, foot, k, begin, end):
     return ahead, behind, stays
 
 
-@kernel(allocates=False)
-def _cross_gap(share, tilt, swing, twist):
-    """Return a share of a gap: of the rotation ``swing``, a vector, and then of the one about +y, ``twist``."""
-    q = from_vector(tilt * swing[0], tilt * swing[1], tilt * swing[2])
-    if twist == 0.0 or share == 0.0:
-        return q
-    return rotate_about_y(math.cos(0.5 * share * twist), math.sin(0.5 * share * twist), q)
-
-
 @kernel(inline=True)
 def _nearly(x, y, z):
     """Return nearly the quaternion of a rotation vector, for small rotations."""
@@ -272,12 +264,13 @@ def _add_transition(footing, now, foot, k, plant, weight, shift, turns, changes,
         return begun
     for j in range(3):
         shift[j] += weight * (share - left) * gap[j]
-    swing, twist = (gap[FOOT_X], 0.0, gap[FOOT_Z]), gap[FOOT_Y]
-    toes = gap[TOES_X], gap[TOES_Y], gap[TOES_Z]
-    foot_turn, toes_turn = _cross_gap(share, tilt, swing, twist), _cross_gap(tilt, tilt, toes, 0.0)
-    foot_back, toes_back = (1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
-    if past or plays_on:
-        foot_back, toes_back = conjugate(_cross_gap(1.0, 1.0, swing, twist)), conjugate(_cross_gap(1.0, 1.0, toes, 0.0))
+    foot_back, toes_back = transitions.returns[k, foot, 0], transitions.returns[k, foot, 1]
+    foot_turn = toes_turn = (1.0, 0.0, 0.0, 0.0)
+    if share == 1.0 and tilt == 1.0:
+        foot_turn, toes_turn = conjugate(foot_back), conjugate(toes_back)
+    elif share != 0.0 or tilt != 0.0:
+        foot_turn = cross_gap(share, tilt, (gap[FOOT_X], 0.0, gap[FOOT_Z]), gap[FOOT_Y])
+        toes_turn = cross_gap(tilt, tilt, (gap[TOES_X], gap[TOES_Y], gap[TOES_Z]), 0.0)
     if plays_on:
         part = minimum_jerk((apart + ahead) / (ahead + behind))
         steps, directions, motion = apart * now.pace, transitions.directions[k], footing.motion

@@ -109,6 +109,7 @@ class Transitions(NamedTuple):
         gaps: How far held points of the feet jump in the world [m]; how feet turn there: a level rotation vector (its
             x and z) and the angle about +y that follows it (y); and rotation vectors by which toes jump on them. After
             less before. Shape (C, 2, 9).
+        returns: Rotations of feet, and of toes on them, back over these gaps. Shape (C, 2, 2, 4).
     """
 
     starts: Array
@@ -122,6 +123,7 @@ class Transitions(NamedTuple):
     ground: Array
     directions: Array
     gaps: Array
+    returns: Array
 
 
 class FootPlants(NamedTuple):

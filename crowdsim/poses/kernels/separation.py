@@ -134,7 +134,7 @@ def _push_pair(points, radii, t, a, b, pushes):
     pushes[b, 1] -= push * nz
 
 
-@kernel(allocates=False)
+@kernel
 def push_trunks(first, stop, points, radii, order, pushes):
     """Find how far bodies are pushed out of one another, at each of T times.
 
@@ -147,21 +147,21 @@ def push_trunks(first, stop, points, radii, order, pushes):
         pushes: Written: x and z [m]. Shape (T, N, 2).
     """
     count = order.shape[1]
+    xs, zs = np.empty(count, np.float32), np.empty(count, np.float32)
     for t in range(first, stop):
         for n in range(count):
             pushes[t, n, 0] = pushes[t, n, 1] = 0.0
+            pelvis = points[t, order[t, n], PELVIS_POINT]
+            xs[n], zs[n] = pelvis[0], pelvis[2]
         for i in range(count):
-            a = order[t, i]
-            x, z = points[t, a, PELVIS_POINT, 0], points[t, a, PELVIS_POINT, 2]
-            if not math.isfinite(x):
+            if not math.isfinite(xs[i]):
                 break
             for j in range(i + 1, count):
-                b = order[t, j]
                 # Absent ones are not a number, and end the search too.
-                if not points[t, b, PELVIS_POINT, 0] - x < NEAR:
+                if not xs[j] - xs[i] < NEAR:
                     break
-                if abs(points[t, b, PELVIS_POINT, 2] - z) < NEAR:
-                    _push_pair(points, radii, t, a, b, pushes[t])
+                if abs(zs[j] - zs[i]) < NEAR:
+                    _push_pair(points, radii, t, order[t, i], order[t, j], pushes[t])
         for n in range(count):
             far = math.sqrt(pushes[t, n, 0] ** 2 + pushes[t, n, 1] ** 2)
             if far > 0.0:

@@ -4,13 +4,15 @@ import math
 
 import numpy as np
 
-from crowdsim.core.quaternions import relative, rotate_about_y
+from crowdsim.core.quaternions import conjugate, from_vector, relative, rotate_about_y
 from crowdsim.jit import kernel
 from crowdsim.poses.kernels.columns import (
     AFTER,
     BEFORE,
     COS,
     FOOT_X,
+    FOOT_Y,
+    FOOT_Z,
     GAP_COLUMNS,
     GAP_X,
     GAP_Y,
@@ -18,6 +20,8 @@ from crowdsim.poses.kernels.columns import (
     HEADING,
     SIN,
     TOES_X,
+    TOES_Y,
+    TOES_Z,
     X,
     Z,
 )
@@ -62,6 +66,24 @@ def _rotate_about_y(heading, vector):
 
 
 @kernel(allocates=False)
+def cross_gap(share, tilt, swing, twist):
+    """Return a share of a gap: of the rotation ``swing``, a vector, and then of the one about +y, ``twist``."""
+    q = from_vector(tilt * swing[0], tilt * swing[1], tilt * swing[2])
+    if twist == 0.0 or share == 0.0:
+        return q
+    return rotate_about_y(math.cos(0.5 * share * twist), math.sin(0.5 * share * twist), q)
+
+
+@kernel(allocates=False)
+def _write_returns(gap, returns):
+    """Write the rotations of a foot, and of its toes on it, back over a gap."""
+    foot = cross_gap(1.0, 1.0, (gap[FOOT_X], 0.0, gap[FOOT_Z]), gap[FOOT_Y])
+    toes = cross_gap(1.0, 1.0, (gap[TOES_X], gap[TOES_Y], gap[TOES_Z]), 0.0)
+    for k, q in enumerate((foot, toes)):
+        returns[k, 0], returns[k, 1], returns[k, 2], returns[k, 3] = conjugate(q)
+
+
+@kernel(allocates=False)
 def _measure_gaps(transition, transitions, motion, toes, scale):
     """Write how far held points of the feet jump, and by which rotations feet jump and toes on them."""
     old, new = transitions.before[transition], transitions.after[transition]
@@ -89,6 +111,7 @@ def _measure_gaps(transition, transitions, motion, toes, scale):
         if toe >= 0:
             before, after = _doubles(motion.rotations[old, toe]), _doubles(motion.rotations[new, toe])
             _write_rotation_vector(before, after, gap[TOES_X:GAP_COLUMNS])
+        _write_returns(gap, transitions.returns[transition, foot])
 
 
 @kernel(allocates=False)
@@ -115,7 +138,7 @@ def measure_transitions(first, stop, rows, motion, toes, transitions):
         rows: The control frames, a ``Rows``.
         motion: The playback frames, a ``motion.Frames``.
         toes: Joint of each foot's toes, -1 where there is none. Shape (2,).
-        transitions: A ``Transitions``; signs, ground, directions and gaps are written.
+        transitions: A ``Transitions``; signs, ground, directions, gaps and returns are written.
     """
     for i in range(first, stop):
         n, old, new = transitions.owners[i], transitions.before[i], transitions.after[i]

@@ -19,6 +19,7 @@ from crowdsim.poses.kernels.limb_moves import END, MOVED
 from crowdsim.poses.kernels.records import Offsets, Posed
 from crowdsim.poses.layer import Block, Part, Reader, Scheduler
 from crowdsim.poses.neighbours import near_avatars
+from crowdsim.poses.together import each
 
 _LANDS = 0.1
 """Time around a strike that lands in which the fist may be in what it hits [s]."""
@@ -85,11 +86,13 @@ class Deflection(Reader):
         if not len(missing):
             return
         some = some[np.isin(frames[some], missing, assume_unique=True)]
-        at_once = max(1, POSES_AT_ONCE // len(posed))
-        for low in range(0, len(some), at_once):
-            here = some[low : low + at_once]
+
+        def find(here: Array) -> None:
             moves = self._deflect(times[here], avatars_missing, posed, blocks, here)
             self.moves.note(frames[here], avatars_missing, moves)
+
+        at_once = max(1, POSES_AT_ONCE // len(posed))
+        each(find, [some[low : low + at_once] for low in range(0, len(some), at_once)], self.poser.threads)
 
     def plan(self, part: Part) -> Deflections | None:
         """Return how far limbs go; None where none does."""
@@ -157,7 +160,7 @@ class Deflection(Reader):
             here = slice(low, low + _FRAMES_AT_ONCE)
             times = frames[here] / self.moves.rate
             near = near_avatars(self.poser.take, avatars, int(rows[here].min()), int(rows[here].max()) + 1)
-            blocks = list(self.poser.stretch(near, times, self.needs[0]))
+            blocks = self.poser.stretch(lambda block: block, near, times, self.needs[0])
             at_once = max(1, POSES_AT_ONCE // len(near))
             for at in range(0, len(times), at_once):
                 some = np.arange(at, min(at + at_once, len(times)))
@@ -178,14 +181,14 @@ class Deflection(Reader):
             posed.append(PosedBodies(body, which, scales[which], girths[which], stretches, *joints))
         capsules = place_capsules(posed, len(times), len(near), threads)
         frames = np.clip(np.rint(times * take.control_rate).astype(np.int64), 0, take.frame_count - 1)
-        down = fallen_rows(take, motions, int(frames.min()), int(frames.max()) + 1)
+        down = fallen_rows(take, motions, int(frames.min()), int(frames.max()) + 1, near)
         limbs = MovingLimbs(
             np.empty((len(times), len(near), LIMBS, 3, 3), np.float32),
             np.full(capsules.bounds.shape, -1, np.int64),
             np.zeros((*capsules.bounds.shape, MOVED, 2)),
             _landing(self.poser.landed, near, times),
             np.ones((len(times), len(near), LIMBS)),
-            np.ascontiguousarray(down[frames - frames.min()][:, near]),
+            np.ascontiguousarray(down[frames - frames.min()]),
         )
         for block, bodies in zip(blocks, posed, strict=True):
             motion, (riding, weights) = motions[block.part.policy], self._riding[block.part.policy]

@@ -8,7 +8,7 @@ from scipy.ndimage import maximum_filter1d
 from crowdsim.core.types import Array
 from crowdsim.poses.kept import Kept
 from crowdsim.poses.kernels.records import Offsets
-from crowdsim.poses.layer import Layer, Part, Scheduler
+from crowdsim.poses.layer import Block, Layer, Part, Scheduler
 
 _WIDE, _FINE = 1, 2
 """How long a pelvis stays down before and after it has to be, so that splines reach nearly as far down [control
@@ -52,7 +52,10 @@ class Lowering(Layer):
             wanted = np.clip(frames[low : low + _FRAMES_AT_ONCE, None] * _FINE + around, 0, last)
             moments, where = np.unique(wanted, return_inverse=True)
             times = moments / (_FINE * self.poser.take.control_rate)
-            for block in self.poser.stretch(avatars, times, "feet", without=(self.name,)):
-                drops = block.part.plans["feet"].drops.astype(np.float32)
-                found[low : low + len(wanted), block.which] = drops[where.reshape(wanted.shape)].max(axis=1)
+            rows, where = slice(low, low + len(wanted)), where.reshape(wanted.shape)
+
+            def note(block: Block, rows: slice = rows, where: Array = where) -> None:
+                found[rows, block.which] = block.part.plans["feet"].drops.astype(np.float32)[where].max(axis=1)
+
+            self.poser.stretch(note, avatars, times, "feet", (self.name,))
         return found

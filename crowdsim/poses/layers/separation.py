@@ -26,7 +26,7 @@ from crowdsim.poses.kernels.separation import (
     push_trunks,
     shift_roots,
 )
-from crowdsim.poses.layer import Layer, Part, Scheduler
+from crowdsim.poses.layer import Block, Layer, Part, Scheduler
 from crowdsim.poses.motion import PoseMotion
 from crowdsim.poses.neighbours import near_avatars
 
@@ -93,15 +93,18 @@ class Separation(Layer):
     def _points(self, rows: Array, avatars: Array) -> Array:
         """Points of bodies in the world, NaN of who is down, ``FINE`` times a control frame. (R, n, 11, 3)."""
         poser, first, stop = self.poser, int(rows[0]) // FINE, int(rows[-1]) // FINE + 1
-        absent = np.asarray(poser.take.action[first:stop]) < 0
-        absent = (absent | fallen_rows(poser.take, poser.motions, first, stop))[:, avatars]
+        absent = np.asarray(poser.take.action[first:stop])[:, avatars] < 0
+        absent |= fallen_rows(poser.take, poser.motions, first, stop, avatars)
         absent = absent[(rows - rows[0]) // FINE] | absent[-((rows[0] - rows) // FINE)]
         points = np.full((*absent.shape, POINTS, 3), np.nan, np.float32)
         there = np.flatnonzero(~absent.all(axis=0))
-        for block in poser.stretch(avatars[there], rows / (FINE * poser.take.control_rate), self.needs[0]):
+
+        def note(block: Block) -> None:
             window, some = block.part.window, there[block.which]
             joints = window.world_joints(block.poses)
             points[:, some] = body_points(window.motion, *joints, poser.take.cast.scales[avatars[some]])
+
+        poser.stretch(note, avatars[there], rows / (FINE * poser.take.control_rate), self.needs[0])
         points[absent] = np.nan
         self._fold_kicking_legs(rows, avatars, points)
         return points
