@@ -378,11 +378,12 @@ def test_exports_and_pictures_of_a_run_are_those_of_the_command_line(workplace: 
         files = source.export(["bvh", "ply"], out, **chosen)
         files += source.render(out, "0:2", "follow:blue_1", (64, 48), png=True)
         assert sorted(file.relative_to(out) for file in files) == sorted(
-            file.relative_to("a") for file in Path("a").rglob("*.*") if file.suffix in (".bvh", ".ply", ".png")
+            file.relative_to("a") for file in Path("a").rglob("*.*") if file.suffix in (".bvh", ".csv", ".ply", ".png")
         )
         for file in files:
             assert file.read_bytes() == ("a" / file.relative_to(out)).read_bytes()
-    assert [file.as_posix() for file in open_run("run").export("bvh", avatars=0)] == ["run/bvh/red_0.bvh"]
+    files = open_run("run").export("bvh", avatars=0)
+    assert [file.as_posix() for file in files] == ["run/bvh/red_0.bvh", "run/bvh/avatars.csv"]
 
 
 def test_exports_and_pictures_that_cannot_be_are_refused(take: RecordedRun) -> None:

@@ -74,7 +74,9 @@ def choose_outputs(
             known = list(dict.fromkeys(name for output in EXPORTS.values() for name in output.model_fields))
             raise CrowdsimError(f"no export has the key {key!r}, expected {', '.join(known)}{nearest(key, known)}")
         if not set(having) & set(kinds):
-            raise CrowdsimError(f"--{key} has no effect on {_options(kinds)}, expected {_options(having)} with it")
+            raise CrowdsimError(
+                f"--{key.replace('_', '-')} has no effect on {_options(kinds)}, expected {_options(having)} with it"
+            )
     chosen = []
     for output in map(EXPORTS.__getitem__, kinds):
         try:

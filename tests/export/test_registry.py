@@ -33,10 +33,10 @@ class BodiesOutput(PosedOutput):
     digits: int = 3
 
     @classmethod
-    def pattern(cls):
+    def posed_pattern(cls):
         return r"bodies/take\\.json"
 
-    def files(self, extent, names):
+    def posed_files(self, extent, names):
         yield "bodies/take.json"
 
     def cost(self, extent):
@@ -94,13 +94,13 @@ def test_an_output_that_is_one_more_file_is_written_exported_checked_and_describ
     write_scene(scene, outputs={"bodies": {"fps": 15, "frames": [0, 4], "avatars": [0, 2]}})
     done = crowdsim("run", "four.yaml", "--out", "run")
     assert done.returncode == 0, done.stderr
-    assert "bodies          run/bodies (1 file, " in done.stdout
+    assert "bodies          run/bodies (2 files, " in done.stdout
     held = json.loads((workplace / "run" / "bodies" / "take.json").read_text())
     assert (len(held["colours"]), len(held["frames"])) == (2, 4)
     opened = open_run_without(workplace / "run")
     np.testing.assert_allclose(held["frames"][3][0][1], opened.joints(2, 0.2)[0], atol=6e-4)
     status = json.loads(crowdsim("status", "run", "--json").stdout)
-    assert status["run"]["outputs"] == {"bodies": {"done": 1, "planned": 1}}
+    assert status["run"]["outputs"] == {"bodies": {"done": 2, "planned": 2}}
     assert crowdsim("verify", "run").returncode == 0
     again = crowdsim("export", "run", "--bodies", "--fps", "30", "--digits", "1", "--out", "again")
     assert again.returncode == 0, again.stderr

@@ -44,7 +44,7 @@ def test_output_frames_may_reach_to_the_end_of_the_last_control_frame(workplace:
     assert crowdsim("run", "four.yaml") == 0
     text = (workplace / "output/four/bvh/red_0.bvh").read_text()
     assert "Frames: 147\n" in text
-    assert sorted(path.name for path in (workplace / "output/four/ply").iterdir()) == ["000120.ply", "000140.ply"]
+    assert sorted(path.name for path in (workplace / "output/four/ply").glob("*.ply")) == ["000120.ply", "000140.ply"]
 
 
 def test_events_after_the_end_are_found_and_reported_by_a_run(workplace: Path, capsys) -> None:

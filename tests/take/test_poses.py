@@ -402,7 +402,7 @@ def test_absent_avatars_have_no_pose() -> None:
         assert np.isnan(values[:120, 2]).all()
         assert np.isfinite(values[120:]).all()
         assert np.isfinite(values[:, [0, 1, 3]]).all()
-    assert sampler(replace(take, action=action, x=x), policy).present(2, 0, 200, 60) == 80
+    assert sampler(replace(take, action=action, x=x), policy).present(2, 0, 200, 60).sum() == 80
 
 
 def test_pushes_pass_evenly_over_a_control_frame() -> None:
