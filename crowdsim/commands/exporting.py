@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from crowdsim.commands.common import Force, Frames, Threads, add_options, note, say, size_text
+from crowdsim.commands.common import Force, Frames, Threads, add_options, fps_option, note, say, size_text
 from crowdsim.commands.process import opened_run
 from crowdsim.commands.progress import Bars
 from crowdsim.core.workers import CORES
@@ -22,7 +22,7 @@ def export(
         typer.Option(metavar="AVATARS", help="Numbers or names of avatars: 0-9 or 0,3,red_1; all by default."),
     ] = None,
     frames: Frames = None,
-    fps: Annotated[float, typer.Option(metavar="FPS", min=1.0, max=1000.0, help="Output frames a second.")] = 60.0,
+    fps: Annotated[float, fps_option("Output frames a second")] = 60.0,
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder of bvh/, ply/ and the like; the run's, or one beside an archive."),

@@ -37,6 +37,7 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.strikes import LIMBS
 from crowdsim.poses.builds import build_skeleton
 from crowdsim.poses.sampler import Poses, PoseSampler
+from crowdsim.scenario.rates import exact_rate
 
 ROTATIONS = {"float32": ("<f4", 1.0), "int16": ("<i2", 32767.0)}
 """How rotations are stored, and what a one becomes."""
@@ -86,7 +87,7 @@ class GltfSink:
         take = sampler.take
         self.start, self.stop = frames or (0, take.output_frames(float(fps)))
         numbers: Array = np.arange(take.avatar_count) if avatars is None else np.unique(np.asarray(avatars))
-        self._sampler, self._path, self._fps, self._rotations = sampler, path, _fraction(fps), rotations
+        self._sampler, self._path, self._fps, self._rotations = sampler, path, exact_rate(fps), rotations
         there = {int(number): sampler.present(int(number), self.start, self.stop, float(fps)) for number in numbers}
         there = {number: rows for number, rows in there.items() if rows.any()}
         self.avatars: Array = np.array(list(there), np.int64)
@@ -520,11 +521,6 @@ def write_gltf(
     make_folder(path.parent)
     sink = GltfSink(sampler, path, fps, frames, avatars, rotations, builds)
     return stream_poses(sampler, float(fps), [sink], threads, progress)[0]
-
-
-def _fraction(fps: float | Fraction) -> Fraction:
-    """A rate as a fraction: 29.97002997 is 30000/1001."""
-    return fps if isinstance(fps, Fraction) else Fraction(fps).limit_denominator(1001)
 
 
 def _whole_weights(weights: Array) -> Array:

@@ -15,6 +15,7 @@ from crowdsim.core.types import Array, Progress
 from crowdsim.export.stream import Sink, stream_poses
 from crowdsim.files import exists_plain, make_inside, write_plain
 from crowdsim.scenario.output import Avatars, Extent, Output, Ranged, Series
+from crowdsim.scenario.rates import rate_text
 
 if TYPE_CHECKING:
     from crowdsim.crowd.record import TakeData
@@ -134,7 +135,7 @@ class PosedOutput(Ranged):
 def _option_text(key: str, value: Any) -> str:
     if isinstance(value, tuple):
         return (":" if key == "frames" else ",").join(map(str, value))
-    return str(value).removesuffix(".0")
+    return rate_text(value) if isinstance(value, float) else str(value)
 
 
 def file_names(output: Output, extent: Extent, names: Sequence[str]) -> list[str]:
