@@ -16,7 +16,7 @@ from crowdsim.scenario.groups import (
     PointsPlacement,
     RingPlacement,
 )
-from crowdsim.scenario.parts import Arena, CircleArena, RectangleArena
+from crowdsim.scenario.parts import FARTHEST, Arena, CircleArena, RectangleArena
 from crowdsim.scenario.scenario import Scenario
 
 LEAST_DISTANCE = 0.1
@@ -39,6 +39,7 @@ def place_groups(scenario: Scenario) -> Array:
     for i in range(len(groups)):
         start, stop = int(starts[i]), int(starts[i + 1])
         _place(scenario, i, start, stop, x, z, headings)
+        _check_distance(scenario, i, start, x[start:stop], z[start:stop])
         _check_arena(scenario, i, start, x[start:stop], z[start:stop])
     _check_conflicts(scenario, starts, x, z)
     team = teams_of_avatars(scenario)
@@ -134,6 +135,16 @@ def _check_room(scenario: Scenario, index: int, room: int, where: str, distance:
     if room < count:
         what = f"{room} of {count} avatars fit {where} at least {distance:g} m apart"
         what += f", expected {cure}, a smaller distance or fewer avatars"
+        raise scenario.error(what, "groups", index, "placement")
+
+
+def _check_distance(scenario: Scenario, index: int, first: int, x: Array, z: Array) -> None:
+    """Refuse avatars that are so far from the origin that single precision would show."""
+    away = np.maximum(np.abs(x), np.abs(z))
+    farthest = int(np.argmax(away))
+    if away[farthest] > FARTHEST:
+        what = f"avatar {scenario.avatar_name(first + farthest)} would be at {x[farthest]:g}, {z[farthest]:g}, "
+        what += f"expected x and z up to {FARTHEST:g} m: further away single precision shows"
         raise scenario.error(what, "groups", index, "placement")
 
 
