@@ -83,6 +83,8 @@ def record(
                 timings += [] if keeper.begun.timings is None else [keeper.begun.timings]
             run.clock.lap("prepare")
             _record_chunks(run, simulation, timings, sink, counter, keeper)
+            if arrivals := simulation.arrivals_text():
+                run.tell(arrivals)
             if simulation.outcome is not None:
                 run.report.outcome = describe_outcome(run.scenario, simulation.outcome)
         sink.close()
