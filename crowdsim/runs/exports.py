@@ -68,7 +68,7 @@ def choose_outputs(
     count = take.output_frames(rate)
     given: dict[str, Any] = {"fps": rate, "avatars": parse_avatars(avatars, take.cast), "frames": (0, count)}
     if frames is not None:
-        given["frames"] = parse_frames(frames).resolve(count, rate, take.frame_limit(rate))
+        given["frames"] = parse_frames(frames).resolve(count, rate)
     more = {key: value for key, value in keys.items() if value is not None}
     for key in more:
         having = [kind for kind, output in EXPORTS.items() if key in output.model_fields]

@@ -50,9 +50,9 @@ def test_positions_are_those_of_the_take(run: Path, capsys) -> None:
     for avatar, name in enumerate(opened.take.cast.names):
         head, rows = table(run / "csv" / f"{name}.csv")
         assert head == ["frame", "seconds", *(f"{joint}_{axis}" for joint in ("head", "left_hand") for axis in "xyz")]
-        np.testing.assert_array_equal(rows[:, 0], np.arange(0, 79, 3))
-        np.testing.assert_allclose(rows[:, 1], np.arange(0, 79, 3) / 30, atol=6e-7)
-        joints = opened.joints(avatar, np.arange(0, 79, 3) / 30)
+        np.testing.assert_array_equal(rows[:, 0], np.arange(0, 80, 3))
+        np.testing.assert_allclose(rows[:, 1], np.arange(0, 80, 3) / 30, atol=6e-7)
+        joints = opened.joints(avatar, np.arange(0, 80, 3) / 30)
         chosen = joints[:, [roles["head"], roles["left_hand"]]].reshape(27, 6)
         np.testing.assert_allclose(rows[:, 2:], chosen, atol=6e-7, rtol=0)
         assert np.ptp(rows[:, 2:], axis=0).min() > 0.01

@@ -1,6 +1,7 @@
 """Exports of a take through other people's readers, and in parts as whole."""
 
 import csv
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -102,10 +103,10 @@ def test_two_readers_find_every_joint_where_we_have_it(sampler: PoseSampler, tmp
 def test_avatars_that_come_and_leave_have_the_frames_in_which_they_are_there(sampler, tmp_path: Path) -> None:
     paths = export_bvh(sampler, tmp_path, FPS)
     frames = [int(path.read_text().split("Frames:")[1].split()[0]) for path in paths]
-    assert frames == [79, 79, 30]
+    assert frames == [80, 80, 30]
     assert export_bvh(sampler, tmp_path / "none", FPS, (0, 10), [2]) == []
     files = export_clouds(sampler, tmp_path / "ply", "ply", FPS, 30)
-    assert len(files) == 79
+    assert len(files) == 80
     sizes = [len(CloudSink(sampler, tmp_path, "ply", FPS, 30).build(frame).avatar) for frame in (19, 20, 49, 50)]
     assert sizes == [60, 90, 90, 60]
 
@@ -133,6 +134,27 @@ def test_clouds_read_back_with_all_their_fields(sampler: PoseSampler, tmp_path: 
     assert set(cloud.avatar) == {0, 1, 2}
     assert list(cloud.team[::40]) == [0, 0, 1]
     np.testing.assert_allclose(np.linalg.norm(cloud.normals, axis=1), 1, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["ply", "pcd"])
+def test_clouds_without_points_are_written_as_such(sampler: PoseSampler, tmp_path: Path, kind: str) -> None:
+    import open3d
+
+    paths = export_clouds(sampler, tmp_path, kind, FPS, 40, (18, 22), avatars=[2])
+    counts = []
+    for path in paths:
+        head = path.read_bytes()[:1000].decode("latin-1")
+        counts.append(int(re.search(r"^(?:POINTS|element vertex) (\d+)$", head, re.MULTILINE)[1]))
+        # It calls a PCD file without points one without data, and has no points.
+        with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
+            assert len(open3d.t.io.read_point_cloud(str(path)).point.get("positions", [])) == counts[-1]
+    assert counts == [0, 0, 40, 40]
+    one, other = (
+        ({*re.search(r"FIELDS (.*)", path.read_text("latin-1"))[1].split()} for path in paths[1:3])
+        if kind == "pcd"
+        else (1, 1)
+    )
+    assert one == other
 
 
 def test_plyfile_and_trimesh_read_clouds_too(sampler: PoseSampler, tmp_path: Path) -> None:
@@ -207,14 +229,14 @@ def test_the_list_of_avatars_says_when_each_is_there(sampler: PoseSampler, monke
         return list(csv.reader(avatar_list(output, sampler, frames).splitlines()))[1:]
 
     whole = [
-        ["0", "red_0", "red", "boxer", "0", "78", "79", "1", "athletic", "red_0.bvh"],
-        ["1", "red_1", "red", "boxer", "0", "78", "79", "1", "athletic", "red_1.bvh"],
+        ["0", "red_0", "red", "boxer", "0", "79", "80", "1", "athletic", "red_0.bvh"],
+        ["1", "red_1", "red", "boxer", "0", "79", "80", "1", "athletic", "red_1.bvh"],
         ["2", "late_0", "blue", "large", "20", "49", "30", "1.2", "athletic", "late_0.bvh"],
     ]
-    assert rows(BvhOutput(fps=FPS), (0, 79)) == whole
+    assert rows(BvhOutput(fps=FPS), (0, 80)) == whole
     monkeypatch.setattr("crowdsim.export.avatar_list._AT_ONCE", 7)
-    assert rows(BvhOutput(fps=FPS), (0, 79)) == whole
-    assert rows(GlbOutput(fps=FPS), (0, 79))[2][-1] == "take.glb"
+    assert rows(BvhOutput(fps=FPS), (0, 80)) == whole
+    assert rows(GlbOutput(fps=FPS), (0, 80))[2][-1] == "take.glb"
     assert rows(PlyOutput(fps=FPS, avatars=(2,)), (30, 60)) == [
         [*whole[2][:4], "30", "49", "20", "1.2", "athletic", ""]
     ]
@@ -231,8 +253,8 @@ def test_whole_files_cover_all_frames_and_hold_the_pose_of_absent_avatars(sample
     monkeypatch.setattr(stream, "_POSES_AT_ONCE", 7)
     monkeypatch.setattr("crowdsim.outputs.bvh._ROWS", 3)
     assert (tmp_path / "whole" / "late_0.bvh").read_bytes() == Path(read("again", whole=True).source).read_bytes()
-    assert (part.frame_count, whole.frame_count) == (30, 79)
-    expected = [0] * 20 + list(range(30)) + [29] * 29
+    assert (part.frame_count, whole.frame_count) == (30, 80)
+    expected = [0] * 20 + list(range(30)) + [29] * 30
     np.testing.assert_allclose(whole.root_positions, part.root_positions[expected], atol=1e-7)
     np.testing.assert_allclose(whole.rotations, part.rotations[expected], atol=1e-6)
 

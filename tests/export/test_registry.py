@@ -104,7 +104,7 @@ def test_an_output_that_is_one_more_file_is_written_exported_checked_and_describ
     assert crowdsim("verify", "run").returncode == 0
     again = crowdsim("export", "run", "--bodies", "--fps", "30", "--digits", "1", "--out", "again")
     assert again.returncode == 0, again.stderr
-    assert len(json.loads((workplace / "again" / "bodies" / "take.json").read_text())["frames"]) == 79
+    assert len(json.loads((workplace / "again" / "bodies" / "take.json").read_text())["frames"]) == 80
     help_text = crowdsim("export", "--help").stdout
     assert "Bodies of all avatars as one JSON file." in help_text
     assert "--digits N" in help_text
