@@ -95,8 +95,10 @@ def write_state(simulation: Changing, state: Mapping[str, Array]) -> None:
                 column[...] = state[field]
     simulation._agenda.pending = state["agenda.pending"].tolist()
     simulation._agenda.waiting = dict(state["agenda.waiting"].tolist())
-    rows = state["agenda.arrivals"].tolist()
-    simulation._agenda.arrivals = [Arrival(*map(int, row[:3]), row[3]) for row in rows]
+    simulation._agenda.arrivals = [
+        Arrival(int(avatar), int(asked), int(entered), away)
+        for avatar, asked, entered, away in state["agenda.arrivals"].tolist()
+    ]
     simulation._agenda.progress.landed[...] = state["agenda.landed"]
     simulation._agenda.progress.landed_on[...] = state["agenda.landed_on"]
     until, ended = simulation.crowd.until, int(state["outcome.frame"])

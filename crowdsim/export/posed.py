@@ -12,6 +12,7 @@ from pydantic import Field
 from crowdsim.config.files import Finding
 from crowdsim.config.findings import show
 from crowdsim.core.types import Array, Progress
+from crowdsim.errors import OutputError
 from crowdsim.export.stream import Sink, stream_poses
 from crowdsim.files import exists_plain, make_inside, write_plain
 from crowdsim.scenario.output import Avatars, Extent, Output, Ranged, Series
@@ -177,6 +178,8 @@ def write_posed(
         planned[output.name] = file_names(output, extent, names)
         missing = {name for name in planned[output.name] if not exists_plain(folder, name)}
         listed = f"{output.name}/{AVATARS}"
+        if planned[output.name].count(listed) > 1:
+            raise OutputError(f"{folder / listed}: is the list of avatars, and an avatar has a file of this name")
         if listed in missing:
             missing.remove(listed)
             lists[listed] = output

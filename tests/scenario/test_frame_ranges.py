@@ -20,7 +20,7 @@ from crowdsim.scenario.frame_ranges import FrameRange, output_frames, parse_fram
         ("1s:70", (60, 70)),
         (": 0.1 s", (0, 6)),
         ("1.5s:", (90, 100)),
-        ("0s:1.7s", (0, 100)),
+        ("0s:1.666s", (0, 100)),
     ],
 )
 def test_a_range_is_half_open_in_frames_or_seconds(text: str, expected: tuple[int, int]) -> None:
