@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,6 @@ from crowdsim.body.looks import usual_build
 from crowdsim.core.types import Array
 
 if TYPE_CHECKING:
-    from crowdsim.export.posed import PosedOutput
     from crowdsim.poses.sampler import PoseSampler
 
 COLUMNS = ("number", "name", "team", "type", "first_frame", "last_frame", "frames", "scale", "build", "file")
@@ -21,19 +21,23 @@ _AT_ONCE = 4_000_000
 """Avatar-frames of a take that are read at once."""
 
 
-def avatar_list(output: PosedOutput, sampler: PoseSampler, frames: tuple[int, int]) -> str:
-    """Return the list of an output's avatars as CSV, in the order of their numbers.
+def avatar_list(
+    sampler: PoseSampler, avatars: Sequence[int], frames: tuple[int, int], fps: float, file_of: Callable[[str], str]
+) -> str:
+    """Return a list of avatars as CSV, in the order of their numbers.
 
     Frames and file are empty for an avatar that is never there, the file for outputs whose files hold all avatars.
 
     Args:
-        output: The output.
         sampler: Poses of the take.
+        avatars: Numbers of the avatars, ascending.
         frames: First output frame and one past the last; there is at least one.
+        fps: Output frames a second.
+        file_of: Returns the file that holds the avatar of a name.
     """
     cast = sampler.take.cast
-    chosen = np.asarray(output.chosen(len(cast.names)), np.int64)
-    firsts, lasts, counts = _stays(sampler, chosen, np.arange(*frames), output.rate)
+    chosen = np.asarray(avatars, np.int64)
+    firsts, lasts, counts = _stays(sampler, chosen, np.arange(*frames), fps)
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
@@ -43,7 +47,7 @@ def avatar_list(output: PosedOutput, sampler: PoseSampler, frames: tuple[int, in
             number, name, cast.team_names[cast.teams[number]], cast.type_names[cast.types[number]],
             *((first, last) if count else ("", "")), count,
             f"{cast.scales[number]:.6g}", usual_build(float(cast.girths[number])).kind,
-            output.file_of(name) if count else "",
+            file_of(name) if count else "",
         ])  # fmt: skip
     return text.getvalue()
 

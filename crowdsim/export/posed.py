@@ -188,6 +188,7 @@ def write_posed(
     for fps, sinks in rates.items():
         stream_poses(sampler, fps, sinks, threads, progress)
     for listed, output in lists.items():
-        write_plain(folder, listed, avatar_list(output, sampler, output.frames_of(extent)))
+        avatars, frames = output.chosen(len(names)), output.frames_of(extent)
+        write_plain(folder, listed, avatar_list(sampler, avatars, frames, output.rate, output.file_of))
     # Avatars that never came have no file.
     return {kind: [folder / name for name in found if exists_plain(folder, name)] for kind, found in planned.items()}

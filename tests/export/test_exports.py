@@ -226,7 +226,8 @@ def test_many_avatars_are_written_in_groups(sampler: PoseSampler, tmp_path: Path
 
 def test_the_list_of_avatars_says_when_each_is_there(sampler: PoseSampler, monkeypatch) -> None:
     def rows(output: PosedOutput, frames: tuple[int, int]) -> list[list[str]]:
-        return list(csv.reader(avatar_list(output, sampler, frames).splitlines()))[1:]
+        text = avatar_list(sampler, output.chosen(3), frames, output.rate, output.file_of)
+        return list(csv.reader(text.splitlines()))[1:]
 
     whole = [
         ["0", "red_0", "red", "boxer", "0", "79", "80", "1", "athletic", "red_0.bvh"],
