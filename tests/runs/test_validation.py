@@ -43,7 +43,7 @@ def test_output_frames_may_reach_to_the_end_of_the_last_control_frame(workplace:
     assert crowdsim("validate", "four.yaml") == 0
     assert crowdsim("run", "four.yaml") == 0
     text = (workplace / "output/four/bvh/red_0.bvh").read_text()
-    assert "Frames: 147\n" in text
+    assert "Frames: 150\n" in text
     assert sorted(path.name for path in (workplace / "output/four/ply").glob("*.ply")) == ["000120.ply", "000140.ply"]
 
 
