@@ -87,29 +87,24 @@ class _Standing:
 
     def append(self, roots: Array, rotations: Array) -> None:
         """Write the next frames: roots [m] (F, 3), local rotations (F, J, 4); NaN while it is absent."""
-        there = np.isfinite(roots[:, 0])
-        if there.all():
-            seen = np.arange(len(roots))
-        elif self._last is None and not there.any():
-            self._waiting += len(roots)
+        if not len(roots):
             return
-        else:
-            seen = np.maximum.accumulate(np.where(there, np.arange(len(roots)), -1))
-        if self._waiting or (self._last is None and not there[:1].all()):
+        there = np.isfinite(roots[:, 0])
+        if not there.all():
+            if self._last is None and not there.any():
+                self._waiting += len(roots)
+                return
             first = int(np.argmax(there))
-            self._last = roots[first], rotations[first]
-            for low in range(0, self._waiting, _ROWS):
-                count = min(_ROWS, self._waiting - low)
-                self._writer.append(*(np.repeat(one[None], count, axis=0) for one in self._last))
-            self._waiting = 0
-        if self._last is not None:
+            last = self._last or (roots[first], rotations[first])
+            seen = np.maximum.accumulate(np.where(there, np.arange(1, len(roots) + 1), 0))
             roots, rotations = (
-                np.concatenate([one[None], rows])[seen + 1]
-                for one, rows in zip(self._last, (roots, rotations), strict=True)
+                np.concatenate([one[None], rows])[seen] for one, rows in zip(last, (roots, rotations), strict=True)
             )
-        if len(roots):
-            self._last = roots[-1], rotations[-1]
-            self._writer.append(roots, rotations)
+        for low in range(0, self._waiting, _ROWS):
+            count = min(_ROWS, self._waiting - low)
+            self._writer.append(*(np.repeat(rows[:1], count, axis=0) for rows in (roots, rotations)))
+        self._waiting, self._last = 0, (roots[-1], rotations[-1])
+        self._writer.append(roots, rotations)
 
 
 def _root_height(skeleton: Skeleton, body: Body, scale: float) -> float:
