@@ -41,8 +41,8 @@ class Arrival(NamedTuple):
 def find_entries(crowd: Crowd, avatars: Avatars, present: int, numbers: Array) -> Array:
     """Return where avatars enter that are not there; the same for any order of storage.
 
-    One that is placed where nobody is enters there. The others take, in the order of their numbers, the nearest free
-    position within ``REACH`` and the arena that is left.
+    One that is placed where nobody is enters there, beside those of its own group as they are placed. The others
+    take, in the order of their numbers, the nearest free position within ``REACH`` and the arena that is left.
 
     Args:
         crowd: The crowd.
@@ -62,6 +62,7 @@ def find_entries(crowd: Crowd, avatars: Avatars, present: int, numbers: Array) -
     placed = np.column_stack([crowd.x[numbers], crowd.z[numbers]])
     own = rooms[avatars.slot_of[numbers]]
     free = _are_free(placed, own, points, others)
+    free[free] = _are_first(placed[free], own[free], crowd.group[numbers[free]])
     found = np.where(free[:, None], placed, np.nan)
     points, others = np.concatenate([points, placed[free]]), np.concatenate([others, own[free]])
     blocked = np.flatnonzero(~free)
@@ -125,6 +126,20 @@ def _are_free(places: Array, own: Array, points: Array, others: Array) -> Array:
     distances, which = cKDTree(points).query(places, k=np.arange(1, most + 1), distance_upper_bound=widest)
     rooms = np.append(others, 0.0)[which]
     return np.asarray((distances >= own[:, None] + rooms).all(axis=1))
+
+
+def _are_first(points: Array, rooms: Array, groups: Array) -> Array:
+    """Return whether avatars (n,) have room at points (n, 2) among those of other groups that come before them."""
+    from scipy.spatial import cKDTree
+
+    first = np.ones(len(points), bool)
+    if len(np.unique(groups)) > 1:
+        pairs = cKDTree(points).query_pairs(2.0 * float(rooms.max()), output_type="ndarray")
+        gaps = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
+        pairs = pairs[(gaps < rooms[pairs].sum(axis=1)) & (groups[pairs[:, 0]] != groups[pairs[:, 1]])]
+        for one, other in pairs[np.argsort(pairs[:, 1], kind="stable")]:
+            first[other] &= not first[one]
+    return first
 
 
 def _are_inside(arena: Array, points: Array) -> Array:

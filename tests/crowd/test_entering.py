@@ -25,8 +25,16 @@ POLICIES = [policy(0, "v", name="one"), policy(1, "q", frames=50, stride=2, name
 
 def packed(seed: int, spread: float, late: int = 8, **fields: Any) -> Crowd:
     """Return a crowd in a square, of whom some have still to enter."""
+    groups = np.arange(30, dtype=np.int32) % 3
     one = crowd(
-        30, seed, policies=2, present=np.arange(30) >= late, conditioned=True, rules=np.zeros((1, len(RULE))), **fields
+        30,
+        seed,
+        policies=2,
+        group=groups,
+        present=np.arange(30) >= late,
+        conditioned=True,
+        rules=np.zeros((1, len(RULE))),
+        **fields,
     )
     x, z = np.random.default_rng(seed).uniform(-spread, spread, (2, 30))
     return replace(one, x=x, z=z, policies=POLICIES, arena=np.array([1.0, 0.0, 0.0, spread, spread]))
@@ -40,9 +48,13 @@ def naive_entries(one: Crowd, down: np.ndarray, numbers: list[int]) -> np.ndarra
     def is_free(x: float, z: float, room: float) -> bool:
         return all(np.hypot(x - a, z - b) >= room + other for a, b, other in there)
 
-    own = [number for number in numbers if is_free(one.x[number], one.z[number], rooms[number])]
-    found = {number: (one.x[number], one.z[number]) for number in own}
-    there += [(*found[number], rooms[number]) for number in own]
+    found: dict[int, tuple[float, float]] = {}
+    for number in numbers:
+        rest = [n for n in found if one.group[n] != one.group[number]]
+        apart = [np.hypot(one.x[number] - one.x[n], one.z[number] - one.z[n]) >= rooms[number] + rooms[n] for n in rest]
+        if all(apart) and is_free(one.x[number], one.z[number], rooms[number]):
+            found[number] = one.x[number], one.z[number]
+    there += [(*place, rooms[number]) for number, place in found.items()]
     for number in numbers:
         for ring in (0.25, 0.5, 0.75, 1.0) if number not in found else ():
             for way in np.arange(12) * np.pi / 6:
@@ -68,6 +80,19 @@ def test_entries_are_those_of_the_naive_search(seed: int, spread: float) -> None
     np.testing.assert_allclose(results[0], naive_entries(one, down, numbers.tolist()), atol=1e-12)
     away = np.linalg.norm(results[0] - np.column_stack([one.x[:8], one.z[:8]]), axis=1)
     assert np.nanmax(away, initial=0.0) <= REACH + 1e-12
+
+
+def test_avatars_of_two_groups_that_are_placed_at_one_position_both_enter() -> None:
+    one = packed(1, 8.0)
+    x, z = one.x.copy(), one.z.copy()
+    x[:4], z[:4] = 0.0, [0.0, 0.0, 0.0, 0.1]
+    one = replace(one, x=x, z=z)
+    entries = find_entries(one, build_avatars(one, build_model(POLICIES)), 22, np.arange(4))
+    # The last one is of the group of the first, and is placed that near to it.
+    assert entries[[0, 3]].tolist() == [[0.0, 0.0], [0.0, 0.1]]
+    gaps = np.linalg.norm(entries[:, None] - entries, axis=-1)[np.triu_indices(4, 1)]
+    assert sorted(gaps.round(6))[0] == 0.1
+    assert sorted(gaps)[1] > 0.4
 
 
 def test_tight_crowds_have_room_for_few_and_wide_ones_for_all() -> None:
@@ -156,9 +181,14 @@ def test_what_became_of_those_who_were_added_is_said_in_a_sentence() -> None:
 
 def test_a_run_says_that_an_avatar_entered_beside_its_placement(workplace: Path, capsys) -> None:
     late = {"name": "late", "team": "blue", "type": "boxer", "count": 1, "waits": True,
-            "placement": {"kind": "grid", "centre": [-1.0, 0.9]}}  # fmt: skip
+            "placement": {"kind": "grid", "centre": [-1.0, 0.7]}}  # fmt: skip
     events = [{"kind": "add", "group": "late", "when": {"kind": "frame", "frame": 0}}]
     write_scene(workplace / "four.yaml", groups=[*scene()["groups"], late], events=events)
     assert crowdsim("run", "four.yaml", "--out", "run") == 0
     what = "avatar late_0 was added where another avatar is: 1 entered beside it, 0.50 m away at the most"
     assert what in capsys.readouterr().err
+    late["placement"] = {"kind": "points", "points": [[0, 5], [0, 5.05]]}
+    late["count"] = 2
+    write_scene(workplace / "four.yaml", groups=[*scene()["groups"], late], events=events)
+    assert crowdsim("validate", "four.yaml") == 2
+    assert "avatar late_1 would be 0.05 m from late_0, expected 0.1 m or more" in capsys.readouterr().err
