@@ -69,7 +69,7 @@ class Posed:
                             np.zeros((frames, AVATARS, 3)))  # fmt: skip
         self._frames = frames
         self.policies = (SimpleNamespace(database=SimpleNamespace(skeleton=skeleton, body=body)),)
-        self.motions = (SimpleNamespace(skeleton=skeleton, segments=segments),)
+        self.motions = (SimpleNamespace(skeleton=skeleton, segments=segments, body=body),)
         self.take = SimpleNamespace(
             avatar_count=AVATARS,
             frame_count=frames,
@@ -84,9 +84,9 @@ class Posed:
             ),
         )
 
-    def present(self, avatar: int, start: int, stop: int, fps: float) -> int:
-        """Return the number of frames: everyone is always there."""
-        return stop - start
+    def present(self, avatar: int, start: int, stop: int, fps: float) -> NDArray[Any]:
+        """Return in which frames an avatar is there: everyone always is."""
+        return np.ones(stop - start, bool)
 
     def sample(self, start: int, stop: int, fps: float, avatars: Sequence[int] | None = None) -> list[Poses]:
         """Return a slice of the poses."""

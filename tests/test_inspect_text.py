@@ -147,8 +147,8 @@ def test_penetration_is_stated_with_its_depth_and_with_arms() -> None:
     figures |= NO_OUTCOMES
     figures |= {"penetration_share": 0.004, "penetration_share_with_arms": 0.13, "penetration_deepest": 0.14}
     text = "\n".join(run_lines(figures))
-    assert "0.40 % of the time deeper than 6.0 cm, 14.0 cm (deepest)" in text
-    assert "13.0 % of the time with arms" in text
+    assert "0.40 % of the time of all avatars deeper than 6.0 cm, 14.0 cm (deepest)" in text
+    assert "13.0 % of that time with arms" in text
 
 
 def test_variety_and_how_hits_come_are_stated() -> None:
@@ -161,10 +161,10 @@ def test_variety_and_how_hits_come_are_stated() -> None:
     figures |= {"hits_from_behind_share": 0.032, "step_after_hit": 0.11}
     lines = [line.strip() for line in run_lines(figures)]
     assert "own repetition        the same moment 2.6 times per minute" in lines
-    assert "others' motion        9.7 % of the time, within 8 m and 2 s" in lines
-    assert "same strikes at once  none of those at opponents that fight back" in lines
-    assert "stillness             21.4 % of the time; 18.8 % of the capture" in lines
-    assert "3.2 % of them from behind" in lines
+    assert "others' motion        9.7 % of the time of all avatars, shown within 8 m and 2 s" in lines
+    assert "same strikes at once  none of the strikes at opponents that fight back" in lines
+    assert "stillness             21.4 % of the time of all avatars; 18.8 % of the captured motion" in lines
+    assert "3.2 % of those that landed, from behind" in lines
     assert "victims of strong ones go back by 11.0 cm within 1.0 s" in lines
 
 
@@ -177,7 +177,7 @@ def test_fists_are_rated_by_the_distance_within_which_they_touch() -> None:
     touching = "    fists that land  all within 2 cm of what they hit; 0.1 cm (median), 1.8 cm (furthest)"
     assert touching in run_lines(figures)
     figures |= {"fists_off_share": 0.031, "fist_gap_most": 0.05}
-    off = "    fists that land  3.1 % further than 2 cm from it; 0.1 cm (median), 5.0 cm (furthest)"
+    off = "    fists that land  3.1 % of them further than 2 cm from what they hit; 0.1 cm (median), 5.0 cm (furthest)"
     assert off in run_lines(figures)
 
 
@@ -215,3 +215,13 @@ def test_swings_that_are_no_strikes_are_counted_by_reason() -> None:
     assert f"                         2 swings: {REASONS[Rejection.SHORT]}" in lines
     assert "    floor    at a height of -3.1 cm in the file" in lines
     assert no_data("\n".join(lines))
+
+
+def test_clips_that_are_used_beside_the_graph_are_no_warning() -> None:
+    from crowdsim.commands.inspecting import _graph_warnings
+
+    said = "clip {!r} drops out of the motion graph: none of its 149 frames can be reached and left again"
+    kept = {"at_ease": 149, "fight": 300, "lost": 0, "at_ease~mirror": 149}
+    warnings = [said.format(name) for name in ("at_ease", "lost", "at_ease~mirror")]
+    figures = {"motion": {"frames_kept_by_clip": kept}, "warnings": [*warnings, "no rests: the recipe asks for them"]}
+    assert _graph_warnings(figures) == [warnings[1], "no rests: the recipe asks for them"]

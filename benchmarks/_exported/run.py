@@ -161,7 +161,8 @@ def playback(
     later = np.minimum(now + 1, len(action) - 1)
     part = clock - now
     began = np.where((later > now) & fresh[later], 1.0 - phase[later] / pace, np.inf)
-    gone = np.minimum(phase[now] + part * pace, sizes.lengths[action[now]])
+    # Beyond the last control frame motion goes on as captured.
+    gone = np.minimum(phase[now] + part * pace, np.where(later > now, sizes.lengths[action[now]], np.inf))
     new = part >= began - 1e-6
     ahead = np.where(new, part - np.where(new, began, 0.0), 0.0) * pace
     frames = np.where(

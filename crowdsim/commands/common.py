@@ -30,6 +30,19 @@ Frames = Annotated[
     str | None,
     typer.Option(metavar="A:B", help="Output frames, half-open, or seconds as in 2s:5s; all by default."),
 ]
+
+
+def _read_fps(value: str | float) -> float:
+    from crowdsim.scenario.rates import parse_rate
+
+    return parse_rate(value)
+
+
+def fps_option(about: str) -> Any:
+    """Return an option that takes frames a second, as a number or as a fraction."""
+    return typer.Option(metavar="FPS", parser=_read_fps, help=f"{about}; fractions such as 24000/1001 are exact.")
+
+
 Force = Annotated[bool, typer.Option("--force", help="Do it again although it is done.")]
 Search = Annotated[
     str | None,

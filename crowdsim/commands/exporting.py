@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from crowdsim.commands.common import Force, Frames, Threads, add_options, note, say, size_text
+from crowdsim.commands.common import Force, Frames, Threads, add_options, fps_option, note, say, size_text
 from crowdsim.commands.process import opened_run
 from crowdsim.commands.progress import Bars
 from crowdsim.core.workers import CORES
@@ -22,7 +22,7 @@ def export(
         typer.Option(metavar="AVATARS", help="Numbers or names of avatars: 0-9 or 0,3,red_1; all by default."),
     ] = None,
     frames: Frames = None,
-    fps: Annotated[float, typer.Option(metavar="FPS", min=1.0, max=1000.0, help="Output frames a second.")] = 60.0,
+    fps: Annotated[float, fps_option("Output frames a second")] = 60.0,
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder of bvh/, ply/ and the like; the run's, or one beside an archive."),
@@ -33,6 +33,7 @@ def export(
 ) -> None:
     """Export a run's take in other formats, without simulating again; in the run's folder it replaces them."""
     from crowdsim.compilation import watch_compilation
+    from crowdsim.export.posed import AVATARS
     from crowdsim.runs.exports import EXPORTS, choose_outputs, export_take
     from crowdsim.runs.opening import open_run
 
@@ -48,8 +49,10 @@ def export(
             written = export_take(unpacked, run, run.policies, outputs, target, threads, bars, force)
     for kind, files in written.items():
         size = sum(path.stat().st_size for path in files)
-        what = f"{len(files):,} file{'s' if len(files) > 1 else ''}, {size_text(size)}"
-        say(f"{target / kind}: {what if files else 'no file, since none of these avatars is there in these frames'}")
+        count = sum(path.name != AVATARS for path in files)
+        what = f"{count:,} file{'s' if count > 1 else ''} and {AVATARS}, {size_text(size)}"
+        nobody = f"only {AVATARS}, since none of these avatars is there in these frames"
+        say(f"{target / kind}: {what if count else nobody}")
 
 
 def with_outputs(command: Callable[..., None]) -> Callable[..., None]:
@@ -69,6 +72,10 @@ def with_outputs(command: Callable[..., None]) -> Callable[..., None]:
                 keys.setdefault(key, []).append(name)
     for key, kinds in keys.items():
         field = EXPORTS[kinds[0]].model_fields[key]
+        if field.annotation is bool:
+            about = f"{(field.description or '').replace('`', '')} For {', '.join(kinds)}."
+            options[key] = Annotated[bool | None, typer.Option(help=about)], None
+            continue
         kind = next((one for one in (int, float) if field.annotation in (one, one | None)), str)
         low, high = (
             next((getattr(one, word) for one in field.metadata if kind is not str and hasattr(one, word)), None)

@@ -69,11 +69,19 @@ def _inspect_bundle(name: str, as_json: bool, plots: Path | None, force: bool) -
         folder = find_bundle(name, bars)
     policy = load_policy(folder)
     result = inspect_bundle(policy, read_timings(folder))
+    result["warnings"] = _graph_warnings(result)
     if plots is not None:
         from crowdsim.training.plots import plot_bundle
 
         _draw(plots, folder, lambda place: plot_bundle(policy, place), force)
     _print(folder, result, policy_lines, as_json)
+
+
+def _graph_warnings(figures: dict[str, Any]) -> list[str]:
+    """Return the warnings of a policy, without those of clips that are used beside its graph, as rests or falls."""
+    kept = figures["motion"]["frames_kept_by_clip"]
+    used = tuple(f"clip {name!r} drops out of the motion graph" for name, frames in kept.items() if frames)
+    return [warning for warning in figures["warnings"] if not warning.startswith(used)]
 
 
 def _inspect_run(folder: Path, as_json: bool, plots: Path | None, force: bool) -> None:

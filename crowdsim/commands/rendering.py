@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from crowdsim.commands.common import Force, Frames, Threads, note, say
+from crowdsim.commands.common import Force, Frames, Threads, fps_option, note, say
 from crowdsim.commands.process import opened_run
 from crowdsim.commands.progress import Bars
 from crowdsim.core.workers import CORES
@@ -25,10 +25,7 @@ def render(
         Path | None, typer.Option(metavar="DIR", help="Folder of the pictures; with several things their parent.")
     ] = None,
     size: Annotated[str, typer.Option(metavar="WxH", help="Width and height, 1280x720 say.")] = "1280x720",
-    fps: Annotated[
-        float | None,
-        typer.Option(metavar="FPS", min=1.0, max=1000.0, help="Pictures a second; 30, or a BVH file's own rate."),
-    ] = None,
+    fps: Annotated[float | None, fps_option("Pictures a second, 30 or a BVH file's own rate by default")] = None,
     frames: Frames = None,
     camera: Annotated[
         str | None,

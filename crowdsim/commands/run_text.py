@@ -77,7 +77,7 @@ def _strikes(figures: Figures) -> list[Row]:
         ("thrown", f"{figures['strikes_thrown']:,}{rates}"),
         ("landed", f"{figures['strikes_landed']:,}{hits}"),
         ("knocked down", count(figures["knock_downs"], "time") if figures.get("knock_downs") else None),
-        ("", None if behind is None else f"{percent(behind)} of them from behind"),
+        ("", None if behind is None else f"{percent(behind)} of those that landed, from behind"),
         ("", None if step is None else f"victims of strong ones go back by {length(step)} within {time(YIELDING)}"),
         ("", None if least is None else f"{number(least)} per minute by the avatar that lands least"),
         (
@@ -90,7 +90,10 @@ def _strikes(figures: Figures) -> list[Row]:
         ),
         ("missed", f"{figures['strikes_missed']:,}"),
         ("first landed", "never" if first is None else f"after {time(first)}"),
-        ("thrown at the air", None if air is None else f"{percent(air)}, at opponents further away than {AIR:g} m"),
+        (
+            "thrown at the air",
+            None if air is None else f"{percent(air)} of those at an opponent, which was further away than {AIR:g} m",
+        ),
     ]
 
 
@@ -101,9 +104,12 @@ def _opponents(figures: Figures) -> list[Row]:
         return [("not measured", "no avatar has an opponent then, or the run ends before")]
     return [
         ("distance", f"{distance:.2f} m (median)"),
-        ("out of reach", f"{percent(out)} of the time, further away than {OUT_OF_REACH:g} m"),
+        (
+            "out of reach",
+            f"{percent(out)} of the time in which avatars have an opponent, further away than {OUT_OF_REACH:g} m",
+        ),
         ("stuck", None if stuck is None else f"{count(stuck, 'avatar')}, out of reach for longer than {STUCK:g} s"),
-        ("behind the avatar", f"{percent(away)} of the time"),
+        ("behind the avatar", f"{percent(away)} of that time"),
         ("changed", f"{count(changes, 'time')}, in the whole run"),
     ]
 
@@ -128,18 +134,20 @@ def _variety(figures: Figures) -> list[Row]:
         figures[key] for key in ("repeated_second_per_minute", "same_source_share", "same_strike_share")
     )
     still, captured = figures["stillness_share"], figures["stillness_share_captured"]
-    beside = "" if captured is None else f"; {percent(captured)} of the capture"
+    beside = "" if captured is None else f"; {percent(captured)} of the captured motion"
     return [
         ("own repetition", None if repeated is None else f"the same moment {number(repeated)} times per minute"),
         (
             "others' motion",
-            None if source is None else f"{percent(source)} of the time, within {AROUND:g} m and {LATELY:g} s",
+            None
+            if source is None
+            else f"{percent(source)} of the time of all avatars, shown within {AROUND:g} m and {LATELY:g} s",
         ),
         (
             "same strikes at once",
-            None if strikes is None else f"{percent(strikes)} of those at opponents that fight back",
+            None if strikes is None else f"{percent(strikes)} of the strikes at opponents that fight back",
         ),
-        ("stillness", None if still is None else f"{percent(still)} of the time{beside}"),
+        ("stillness", None if still is None else f"{percent(still)} of the time of all avatars{beside}"),
     ]
 
 
@@ -164,8 +172,11 @@ def _penetration(figures: Figures) -> list[Row]:
     if share is None:
         return [("bodies penetrate", None)]
     return [
-        ("bodies penetrate", f"{percent(share)} of the time deeper than {length(DEEP)}, {length(deepest)} (deepest)"),
-        ("", f"{percent(arms)} of the time with arms"),
+        (
+            "bodies penetrate",
+            f"{percent(share)} of the time of all avatars deeper than {length(DEEP)}, {length(deepest)} (deepest)",
+        ),
+        ("", f"{percent(arms)} of that time with arms"),
     ]
 
 
@@ -182,5 +193,9 @@ def _fists(figures: Figures) -> str | None:
     if share is None:
         return None
     limit = f"{100.0 * TOUCH:g} cm"
-    off = f"all within {limit} of what they hit" if share == 0.0 else f"{percent(share)} further than {limit} from it"
+    off = (
+        f"all within {limit} of what they hit"
+        if share == 0.0
+        else f"{percent(share)} of them further than {limit} from what they hit"
+    )
     return f"{off}; {length(middle)} (median), {length(most)} (furthest)"

@@ -272,10 +272,22 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
     return avatars
 
 
-def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array) -> None:
-    """Put avatars where they start, in the last frame of an action that ends in their first state."""
+def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array, at: Array | None = None) -> None:
+    """Put avatars where they start, in the last frame of an action that ends in their first state.
+
+    Args:
+        avatars: Changed.
+        crowd: Their crowd.
+        model: Its policies.
+        slots: Slots of the avatars. Shape (n,).
+        at: Positions, x and z [m]; those of the crowd when None. Shape (n, 2).
+
+    Raises:
+        RunError: A position is not finite.
+    """
     numbers = avatars.number[slots]
-    x, z, heading = crowd.x[numbers], crowd.z[numbers], crowd.heading[numbers]
+    x, z = (crowd.x[numbers], crowd.z[numbers]) if at is None else at.T
+    heading = crowd.heading[numbers]
     bad = np.flatnonzero(~np.isfinite(x + z + heading))
     if len(bad):
         i = bad[0]

@@ -16,7 +16,7 @@ from crowdsim.scenario.groups import (
     PointsPlacement,
     RingPlacement,
 )
-from crowdsim.scenario.parts import Arena, CircleArena, RectangleArena
+from crowdsim.scenario.parts import FARTHEST, Arena, CircleArena, RectangleArena
 from crowdsim.scenario.scenario import Scenario
 
 LEAST_DISTANCE = 0.1
@@ -39,6 +39,7 @@ def place_groups(scenario: Scenario) -> Array:
     for i in range(len(groups)):
         start, stop = int(starts[i]), int(starts[i + 1])
         _place(scenario, i, start, stop, x, z, headings)
+        _check_distance(scenario, i, start, x[start:stop], z[start:stop])
         _check_arena(scenario, i, start, x[start:stop], z[start:stop])
     _check_conflicts(scenario, starts, x, z)
     team = teams_of_avatars(scenario)
@@ -137,6 +138,16 @@ def _check_room(scenario: Scenario, index: int, room: int, where: str, distance:
         raise scenario.error(what, "groups", index, "placement")
 
 
+def _check_distance(scenario: Scenario, index: int, first: int, x: Array, z: Array) -> None:
+    """Refuse avatars that are so far from the origin that single precision would show."""
+    away = np.maximum(np.abs(x), np.abs(z))
+    farthest = int(np.argmax(away))
+    if away[farthest] > FARTHEST:
+        what = f"avatar {scenario.avatar_name(first + farthest)} would be at {x[farthest]:g}, {z[farthest]:g}, "
+        what += f"expected x and z up to {FARTHEST:g} m: further away single precision shows"
+        raise scenario.error(what, "groups", index, "placement")
+
+
 def _check_arena(scenario: Scenario, index: int, first: int, x: Array, z: Array) -> None:
     outside = np.flatnonzero(~_inside(scenario.arena, x, z))
     if len(outside):
@@ -148,18 +159,26 @@ def _check_arena(scenario: Scenario, index: int, first: int, x: Array, z: Array)
 
 
 def _check_conflicts(scenario: Scenario, starts: Array, x: Array, z: Array) -> None:
-    """Refuse avatars at one position, which given points, or groups placed independently, can bring about."""
-    kinds = {group.placement.kind for group in scenario.groups}
-    if kinds == {"disc"} or (len(scenario.groups) == 1 and kinds != {"points"}):
-        return
-    second = first_conflict(_squares(LEAST_DISTANCE, len(x), x, z))
-    if second >= 0:
-        distance = np.hypot(x[:second] - x[second], z[:second] - z[second])
-        first = int(np.argmin(distance))
-        index = int(np.searchsorted(starts, second, side="right") - 1)
-        what = f"avatar {scenario.avatar_name(second)} would be {distance[first]:.2f} m from "
-        what += f"{scenario.avatar_name(first)}, expected {LEAST_DISTANCE} m or more"
-        raise scenario.error(what, "groups", index, "placement")
+    """Refuse avatars at one position, which given points, or groups placed independently, can bring about.
+
+    A group that waits finds its way among others when it is added (``entering``).
+    """
+    groups = scenario.groups
+    at_once = [[i for i, group in enumerate(groups) if not group.waits]]
+    for some in at_once + [[i] for i, group in enumerate(groups) if group.waits]:
+        kinds = {groups[i].placement.kind for i in some}
+        if kinds <= {"disc"} or (len(some) == 1 and kinds != {"points"}):
+            continue
+        numbers = np.concatenate([np.arange(starts[i], starts[i + 1]) for i in some])
+        xs, zs = x[numbers], z[numbers]
+        second = first_conflict(_squares(LEAST_DISTANCE, len(xs), xs, zs))
+        if second >= 0:
+            distance = np.hypot(xs[:second] - xs[second], zs[:second] - zs[second])
+            first = int(np.argmin(distance))
+            index = int(np.searchsorted(starts, numbers[second], side="right") - 1)
+            what = f"avatar {scenario.avatar_name(int(numbers[second]))} would be {distance[first]:.2f} m from "
+            what += f"{scenario.avatar_name(int(numbers[first]))}, expected {LEAST_DISTANCE} m or more"
+            raise scenario.error(what, "groups", index, "placement")
 
 
 def _squares(size: float, count: int, x: Array, z: Array) -> Squares:

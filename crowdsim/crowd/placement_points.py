@@ -13,9 +13,9 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.scenario.groups import PointsPlacement
+from crowdsim.scenario.parts import FARTHEST
 from crowdsim.scenario.scenario import Scenario
 
-FARTHEST = 100_000.0
 _LONGEST_LINE = 1000
 _COLUMNS = "x", "z", "heading"
 

@@ -9,6 +9,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars, World
 from crowdsim.crowd.crowd import Crowd
+from crowdsim.crowd.entering import AGAIN, Arrival
 from crowdsim.crowd.kernels.layout import LANDED
 from crowdsim.crowd.script import Change
 from crowdsim.crowd.triggers import EVERY_FRAME, STRIKES, AtFrame
@@ -100,12 +101,16 @@ class Agenda:
 
     Attributes:
         pending: Numbers of the changes that have not happened yet.
+        waiting: Avatars that were added and have no room yet, and since which control frame.
+        arrivals: Those that entered later, or elsewhere, than where they are placed.
         progress: What has happened.
     """
 
     def __init__(self, crowd: Crowd, progress: Progress) -> None:
         self._changes, self._until = crowd.changes, crowd.until
         self.pending = list(range(len(self._changes)))
+        self.waiting: dict[int, int] = {}
+        self.arrivals: list[Arrival] = []
         self.progress = progress
 
     def until_next(self, frame: int, most: int) -> int:
@@ -113,6 +118,8 @@ class Agenda:
 
         What waits for strikes or knock-downs may happen earlier: a call ends in a frame that has any.
         """
+        if self.waiting:
+            most = min(most, AGAIN - frame % AGAIN)
         for number in self.pending:
             when = self._changes[number].when
             if when.after == EVERY_FRAME:
@@ -138,6 +145,7 @@ class Agenda:
     def awaited(self, count: int) -> Array:
         """Return which of ``count`` avatars have still to enter. Shape (count,), bool."""
         awaited = np.zeros(count, bool)
+        awaited[list(self.waiting)] = True
         for number in self.pending:
             change = self._changes[number]
             if change.present and change.who is not None:

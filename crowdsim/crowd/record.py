@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from crowdsim.crowd.cast import Cast
 from crowdsim.crowd.events import Events
-from crowdsim.scenario.frame_ranges import frame_limit, output_frames
+from crowdsim.scenario.frame_ranges import output_frames
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -72,13 +72,9 @@ class TakeData:
 
     @property
     def seconds(self) -> float:
-        """Time from the first control frame to the last [s]."""
-        return max(self.frame_count - 1, 0) / self.control_rate
+        """How long it lasts [s]: each control frame lasts until the next one, or as long as that would take."""
+        return self.frame_count / self.control_rate
 
     def output_frames(self, fps: float) -> int:
-        """Return how many output frames at ``fps`` lie between the first control frame and the last, both included."""
+        """Return how many output frames at ``fps`` it has."""
         return output_frames(self.frame_count, self.control_rate, fps)
-
-    def frame_limit(self, fps: float) -> int:
-        """Return how many output frames at ``fps`` the take lasts, its last control frame included."""
-        return frame_limit(self.frame_count, self.control_rate, fps)

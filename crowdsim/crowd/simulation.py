@@ -7,7 +7,7 @@ stage shared out among threads. Both give the same bytes, for any number of thre
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from crowdsim.crowd.buffers import empty_record, empty_scratch, empty_strikes
 from crowdsim.crowd.chunk import STAGES, Chunk, Frame, events_of
 from crowdsim.crowd.cohorts import cohort_columns
 from crowdsim.crowd.crowd import Crowd, build_avatars, enter
+from crowdsim.crowd.entering import AGAIN, Arrival, describe_arrivals, find_entries
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.layout import Now
 from crowdsim.crowd.kernels.loop import run_frames
@@ -130,6 +131,12 @@ class Simulation:
             ValueError: The state is of another crowd.
         """
         write_state(self, state)
+
+    def arrivals_text(self) -> str:
+        """Return in a sentence how avatars entered that were added where others are; nothing where there were none."""
+        return describe_arrivals(
+            self._agenda.arrivals, self._agenda.waiting, self.frame, self.rate, self.crowd.cast.names
+        )
 
     @property
     def is_over(self) -> bool:
@@ -272,8 +279,10 @@ class Simulation:
             # Those leave that are out and whose policies have no falls.
             leave = self.avatars.conditions["standing"][self.avatars.number] == layout.OUT
             if leave[: self.present].any():
-                self._admit(leave, present=False)
+                self._leave(leave)
                 self._index.reset()
+        if self._agenda.waiting and self.frame % AGAIN == 0:
+            self._enter()
         for change in self._agenda.due():
             self._apply(change)
         progress.present = self.present
@@ -301,21 +310,46 @@ class Simulation:
         if change.mode is not None:
             self.avatars.conditions["mode"][change.who] = change.mode
             self.avatars.conditions["keeps"][change.who] = change.distance
-        if change.present is not None:
-            self._admit(concerned, change.present)
+        waiting = self._agenda.waiting
+        if change.present:
+            for number in np.sort(self.avatars.number[self.present :][concerned[self.present :]]).tolist():
+                waiting.setdefault(number, self.frame)
+            self._enter()
+        elif change.present is not None:
+            for number in np.flatnonzero(change.who).tolist():
+                waiting.pop(number, None)
+            self._leave(concerned)
         self._index.reset()
 
-    def _admit(self, concerned: Array, present: bool) -> None:
-        """Let avatars enter or leave; present avatars are stored first."""
+    def _enter(self) -> None:
+        """Let avatars enter that wait, where they have room."""
+        agenda = self._agenda
+        numbers = np.array(sorted(agenda.waiting), np.int64)
+        at = find_entries(self.crowd, self.avatars, self.present, numbers)
+        room = np.isfinite(at[:, 0])
+        if not room.any():
+            return
+        numbers, at = numbers[room], at[room]
+        for number, (x, z) in zip(numbers.tolist(), at, strict=True):
+            asked, away = agenda.waiting.pop(number), np.hypot(x - self.crowd.x[number], z - self.crowd.z[number])
+            if away > 0.0 or asked < self.frame:
+                agenda.arrivals.append(Arrival(number, asked, self.frame, float(away)))
+        now = np.arange(self.crowd.count) < self.present
+        now[self.avatars.slot_of[numbers]] = True
+        self._store(now, numbers)
+        enter(self.avatars, self.crowd, self.model, self.avatars.slot_of[numbers], at)
+        self._index.reset()
+
+    def _leave(self, concerned: Array) -> None:
+        """Let the avatars of some slots leave."""
+        self._store((np.arange(self.crowd.count) < self.present) & ~concerned)
+
+    def _store(self, now: Array, entering: Array | Sequence[int] = ()) -> None:
+        """Store the avatars of some slots (N,) first, which are there from now on; some of them enter."""
         from crowdsim.crowd.opponents import store_in_order
 
-        here = np.arange(self.crowd.count) < self.present
-        fresh = self.avatars.number[self._fresh]
-        entering = self.avatars.number[concerned & ~here] if present else fresh[:0]
-        now = here | concerned if present else here & ~concerned
+        fresh = np.append(self.avatars.number[self._fresh], np.asarray(entering, np.int64))
         store_in_order(self.avatars, np.argsort(~now, kind="stable"))
         self.present = int(np.count_nonzero(now))
-        slots = self.avatars.slot_of[entering]
-        enter(self.avatars, self.crowd, self.model, slots)
-        slots = np.concatenate([slots, self.avatars.slot_of[fresh]])
+        slots = self.avatars.slot_of[fresh]
         self._fresh = np.unique(slots[slots < self.present]).astype(np.int32)

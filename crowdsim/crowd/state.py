@@ -15,6 +15,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import BY_SLOT, Avatars
+from crowdsim.crowd.entering import Arrival
 from crowdsim.crowd.outcome import Outcome
 from crowdsim.crowd.state_checks import Changing, check_values
 
@@ -22,6 +23,8 @@ STATE = (
     "avatars.",
     "_world.",
     "_agenda.pending",
+    "_agenda.waiting",
+    "_agenda.arrivals",
     "_agenda.progress.",
     "outcome",
     "_fresh",
@@ -50,6 +53,8 @@ def read_state(simulation: Changing) -> dict[str, Array]:
     for name, values in simulation._world._asdict().items():
         state.update({field: np.array(column) for field, column in _columns(f"world.{name}", values).items()})
     state["agenda.pending"] = np.array(agenda.pending, np.int64)
+    state["agenda.waiting"] = np.array(sorted(agenda.waiting.items()), np.int64).reshape(-1, 2)
+    state["agenda.arrivals"] = np.array(agenda.arrivals, float).reshape(-1, 4)
     state["agenda.landed"], state["agenda.landed_on"] = agenda.progress.landed.copy(), agenda.progress.landed_on.copy()
     ended = simulation.outcome
     state["outcome.frame"] = np.array(-1 if ended is None else ended.frame)
@@ -68,7 +73,7 @@ def write_state(simulation: Changing, state: Mapping[str, Array]) -> None:
             names the first that differs.
     """
     now = read_state(simulation)
-    grows = {"fresh", "agenda.pending", "searches", "outcome.standing"}
+    grows = {"fresh", "agenda.pending", "agenda.waiting", "agenda.arrivals", "searches", "outcome.standing"}
     for name in sorted(now.keys() | state.keys()):
         if name not in now or name not in state:
             raise ValueError(f"array {name!r} is {'missing' if name in now else 'unknown'}")
@@ -89,6 +94,11 @@ def write_state(simulation: Changing, state: Mapping[str, Array]) -> None:
             if isinstance(column, np.ndarray):  # all others are constant
                 column[...] = state[field]
     simulation._agenda.pending = state["agenda.pending"].tolist()
+    simulation._agenda.waiting = dict(state["agenda.waiting"].tolist())
+    simulation._agenda.arrivals = [
+        Arrival(int(avatar), int(asked), int(entered), away)
+        for avatar, asked, entered, away in state["agenda.arrivals"].tolist()
+    ]
     simulation._agenda.progress.landed[...] = state["agenda.landed"]
     simulation._agenda.progress.landed_on[...] = state["agenda.landed_on"]
     until, ended = simulation.crowd.until, int(state["outcome.frame"])

@@ -170,6 +170,16 @@ def _check_rest(simulation: Changing, state: Mapping[str, Array]) -> None:
         _refuse(name, numbers, (numbers >= 0) & (numbers < count))
         _refuse(name, numbers[1:], np.diff(numbers) > 0)
     _refuse("fresh", fresh, present[fresh])
+    waiting, arrivals = state["agenda.waiting"], state["agenda.arrivals"]
+    for name, values, width in (("agenda.waiting", waiting, 2), ("agenda.arrivals", arrivals, 4)):
+        if values.ndim != 2 or values.shape[1] != width:
+            raise ValueError(f"array {name!r} has the shape {values.shape}, expected (n, {width})")
+        numbers, frames = values[:, 0], values[:, 1 : width - (width == 4)]
+        _refuse(name, numbers, (numbers >= 0) & (numbers < simulation.crowd.count) & (numbers == np.floor(numbers)))
+        _refuse(name, frames, (frames >= 0) & (frames <= state["frame"]) & (frames == np.floor(frames)))
+    _refuse("agenda.waiting", waiting[:, 0], ~present[waiting[:, 0]])
+    _refuse("agenda.waiting", waiting[1:, 0], np.diff(waiting[:, 0]) > 0)
+    _refuse("agenda.arrivals", arrivals[:, 3], (arrivals[:, 3] >= 0.0) & (arrivals[:, 3] <= FAR))
     for name in ("agenda.landed", "agenda.landed_on"):
         _refuse(name, state[name], state[name] >= 0)
     _refuse(

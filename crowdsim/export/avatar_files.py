@@ -43,11 +43,14 @@ class AvatarFiles(PosedOutput):
     reads_joints: ClassVar[bool] = False
 
     def begin(self, sampler: PoseSampler, avatar: int, path: Path, frames: int) -> Writer:
-        """Begin the file of an avatar, which is there in so many of its output frames."""
+        """Begin the file of an avatar, of which so many output frames will be appended."""
         raise NotImplementedError
 
     def append(self, writer: Writer, block: Block, policy: int, column: int, rows: Array) -> None:
-        """Append rows (R,) of a column of one policy's poses to a file; there may be none."""
+        """Append rows (R,) of a column of one policy's poses to a file; there may be none.
+
+        Rows in which the avatar is absent are left out, unless the output ``covers_absence``.
+        """
         raise NotImplementedError
 
     def pose_bytes(self) -> float:
@@ -55,12 +58,17 @@ class AvatarFiles(PosedOutput):
         raise NotImplementedError
 
     @property
+    def covers_absence(self) -> bool:
+        """Whether files cover all frames, also those in which their avatar is absent."""
+        return False
+
+    @property
     def step(self) -> int:
         """Every how manyth output frame is written."""
         return 1
 
     @classmethod
-    def pattern(cls) -> str:
+    def posed_pattern(cls) -> str:
         """Return the regular expression of the names of its files."""
         return rf"{cls.name}/[^/]+\.{cls.name}"
 
@@ -71,10 +79,13 @@ class AvatarFiles(PosedOutput):
             yield Finding((), what)
         yield from super().findings(avatars)
 
-    def files(self, extent: Extent, names: Sequence[str]) -> Iterator[str | Series]:
+    def posed_files(self, extent: Extent, names: Sequence[str]) -> Iterator[str | Series]:
         """Yield the names of the files, in the order of the avatars."""
-        if self.frame_count(extent):
-            yield from (self._file_name(names[avatar]) for avatar in self.chosen(len(names)))
+        yield from (f"{self.name}/{self.file_of(names[avatar])}" for avatar in self.chosen(len(names)))
+
+    def file_of(self, avatar: str) -> str:
+        """Return the file in its folder that holds an avatar of a name."""
+        return f"{avatar}.{self.name}"
 
     def cost(self, extent: Extent) -> tuple[float, float]:
         """Return about how much room its files take [bytes], and how long one core writes them [s]."""
@@ -85,11 +96,8 @@ class AvatarFiles(PosedOutput):
         """Return what writes files of avatars."""
         names = sampler.take.cast.names.tolist()
         chosen = self.chosen(len(names))
-        avatars = [one for one in chosen if missing is None or self._file_name(names[one]) in missing]
+        avatars = [one for one in chosen if missing is None or f"{self.name}/{self.file_of(names[one])}" in missing]
         return AvatarSink(self, sampler, folder, np.array(avatars, int))
-
-    def _file_name(self, avatar: str) -> str:
-        return f"{self.name}/{avatar}.{self.name}"
 
 
 class AvatarSink:
@@ -133,8 +141,8 @@ class AvatarSink:
             poses = block.poses[policy]
             writer = writers.get(int(poses.avatars[column]))
             if writer is not None:
-                there = rows[np.isfinite(poses.root_positions[rows, column, 0])]
-                self._output.append(writer, block, policy, column, there)
+                there = self._output.covers_absence | np.isfinite(poses.root_positions[rows, column, 0])
+                self._output.append(writer, block, policy, column, rows[there])
 
         work = [(policy, column) for policy, poses in enumerate(block.poses) for column in range(len(poses.avatars))]
         run_all(pool, lambda item: append(*item), work)
@@ -157,10 +165,11 @@ class AvatarSink:
         sampler, output, writers = self._sampler, self._output, {}
         names = sampler.take.cast.names
         for avatar in map(int, self.avatars):
-            present = sampler.present(avatar, self.start, self.stop, output.rate)
+            present = int(np.count_nonzero(sampler.present(avatar, self.start, self.stop, output.rate)))
             if present:
-                path = self._folder / f"{names[avatar]}.{output.name}"
-                writers[avatar] = output.begin(sampler, avatar, path, present)
+                path = self._folder / output.file_of(str(names[avatar]))
+                count = self.stop - self.start if output.covers_absence else present
+                writers[avatar] = output.begin(sampler, avatar, path, count)
         return writers
 
 

@@ -90,6 +90,9 @@ def write_cloud(path: Path, cloud: Cloud) -> None:
             with open(partial, "wb") as file:
                 file.write(_ply_header(len(cloud.rows)))
                 file.write(cloud.rows.data)
+        elif not len(cloud.rows):
+            # Open3D writes no cloud without points.
+            partial.write_bytes(_empty_pcd())
         else:
             _write_pcd(partial, cloud)
         os.replace(partial, path)
@@ -103,6 +106,20 @@ def _ply_header(points: int) -> bytes:
     lines = ["ply", "format binary_little_endian 1.0", "comment crowdsim: metres, y up, metres per second"]
     lines += [f"element vertex {points}", *map("property {} {}".format, kinds, FIELDS), "end_header", ""]
     return "\n".join(lines).encode()
+
+
+def _empty_pcd() -> bytes:
+    """Return a PCD file without points."""
+    kinds = ["F"] * _LABELS + ["I"] * (len(FIELDS) - _LABELS)
+    lines = ["# .PCD v0.7 - Point Cloud Data file format", "VERSION 0.7", f"FIELDS {' '.join(FIELDS)}"]
+    lines += [
+        "SIZE" + " 4" * len(FIELDS),
+        f"TYPE {' '.join(kinds)}",
+        "COUNT" + " 1" * len(FIELDS),
+        "WIDTH 0",
+        "HEIGHT 1",
+    ]
+    return "\n".join([*lines, "VIEWPOINT 0 0 0 1 0 0 0", "POINTS 0", "DATA binary", ""]).encode()
 
 
 def _write_pcd(path: Path, cloud: Cloud) -> None:

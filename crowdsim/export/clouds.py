@@ -30,8 +30,8 @@ class CloudOutput(PosedOutput):
     points: int = Field(default=500, ge=1, le=100_000, description="Points per avatar.")
 
     @classmethod
-    def pattern(cls) -> str:
-        """Return the regular expression of the names of its files."""
+    def posed_pattern(cls) -> str:
+        """Return the regular expression of the names of its clouds."""
         return rf"{cls.name}/\d{{6,}}\.{cls.name}"
 
     def findings(self, avatars: int) -> Iterator[Finding]:
@@ -42,7 +42,7 @@ class CloudOutput(PosedOutput):
             what = f"asks for {points:,} points a frame, expected at most {MAXIMUM_POINTS:,}"
             yield Finding(("points",), what)
 
-    def files(self, extent: Extent, names: Sequence[str]) -> Iterator[str | Series]:
+    def posed_files(self, extent: Extent, names: Sequence[str]) -> Iterator[str | Series]:
         """Yield the names of the clouds, which are numbered by output frame."""
         yield Series(self.name, range(*self.frames_of(extent), self.every), self.name)
 

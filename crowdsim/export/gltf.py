@@ -37,6 +37,7 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.strikes import LIMBS
 from crowdsim.poses.builds import build_skeleton
 from crowdsim.poses.sampler import Poses, PoseSampler
+from crowdsim.scenario.rates import exact_rate
 
 ROTATIONS = {"float32": ("<f4", 1.0), "int16": ("<i2", 32767.0)}
 """How rotations are stored, and what a one becomes."""
@@ -86,8 +87,8 @@ class GltfSink:
         take = sampler.take
         self.start, self.stop = frames or (0, take.output_frames(float(fps)))
         numbers: Array = np.arange(take.avatar_count) if avatars is None else np.unique(np.asarray(avatars))
-        self._sampler, self._path, self._fps, self._rotations = sampler, path, _fraction(fps), rotations
-        there = {int(number): _presence(sampler, int(number), self.start, self.stop, float(fps)) for number in numbers}
+        self._sampler, self._path, self._fps, self._rotations = sampler, path, exact_rate(fps), rotations
+        there = {int(number): sampler.present(int(number), self.start, self.stop, float(fps)) for number in numbers}
         there = {number: rows for number, rows in there.items() if rows.any()}
         self.avatars: Array = np.array(list(there), np.int64)
         girths = np.asarray(take.cast.girths, float)
@@ -522,11 +523,6 @@ def write_gltf(
     return stream_poses(sampler, float(fps), [sink], threads, progress)[0]
 
 
-def _fraction(fps: float | Fraction) -> Fraction:
-    """A rate as a fraction: 29.97002997 is 30000/1001."""
-    return fps if isinstance(fps, Fraction) else Fraction(fps).limit_denominator(1001)
-
-
 def _whole_weights(weights: Array) -> Array:
     """Weights as whole numbers that add up to 65535; the greatest, the first, takes what rounding leaves."""
     whole = np.round(weights * 65535.0).astype(np.int64)
@@ -537,14 +533,3 @@ def _whole_weights(weights: Array) -> Array:
 def _times(frames: Array, fps: Fraction) -> Array:
     """Times of frames [s], float32."""
     return (np.asarray(frames, float) * fps.denominator / fps.numerator).astype("<f4")
-
-
-def _presence(sampler: PoseSampler, avatar: int, start: int, stop: int, fps: float) -> Array:
-    """In which of the output frames ``start`` to ``stop`` an avatar is there. Shape (stop - start,), bool."""
-    count = sampler.present(avatar, start, stop, fps)
-    if count in (0, stop - start):
-        return np.full(stop - start, count > 0)
-    take = sampler.take
-    control = np.floor(np.arange(start, stop) / fps * take.control_rate + 1e-9).astype(np.int64)
-    control = np.clip(control, 0, take.frame_count - 1)
-    return np.asarray(take.action[int(control[0]) : int(control[-1]) + 1, avatar])[control - control[0]] >= 0

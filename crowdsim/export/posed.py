@@ -12,9 +12,11 @@ from pydantic import Field
 from crowdsim.config.files import Finding
 from crowdsim.config.findings import show
 from crowdsim.core.types import Array, Progress
+from crowdsim.errors import OutputError
 from crowdsim.export.stream import Sink, stream_poses
-from crowdsim.files import exists_plain, make_inside
+from crowdsim.files import exists_plain, make_inside, write_plain
 from crowdsim.scenario.output import Avatars, Extent, Output, Ranged, Series
+from crowdsim.scenario.rates import rate_text
 
 if TYPE_CHECKING:
     from crowdsim.crowd.record import TakeData
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
     from crowdsim.poses.sampler import PoseSampler
     from crowdsim.take.take import Take
 
+AVATARS = "avatars.csv"
+"""Name of the list of avatars."""
 POSE_SECONDS = 25e-6
 """About how long one core takes to pose an avatar at a time and to write that [s]."""
 
@@ -62,12 +66,22 @@ def extent_of(take: TakeData) -> Extent:
 class PosedOutput(Ranged):
     """An output that is written from poses; its files lie in a folder of its name, and ``export`` has an option for it.
 
-    A subclass names its ``files`` and gives the ``sink`` that writes those that are missing.
+    A subclass names its ``posed_files`` and gives the ``sink`` that writes those that are missing. Beside them lies a
+    list of its avatars, ``NAME/avatars.csv`` (``avatar_list``).
     """
 
     avatars: Avatars | None = Field(
         default=None, description="Numbers of the avatars to write, from 0; without it all."
     )
+
+    @classmethod
+    def posed_pattern(cls) -> str:
+        """Return the regular expression of the names of its files that are written from poses."""
+        raise NotImplementedError
+
+    def posed_files(self, extent: Extent, names: Sequence[str]) -> Iterator[str | Series]:
+        """Yield the names of its files that are written from poses, as ``files`` does; there is at least one frame."""
+        raise NotImplementedError
 
     def sink(self, sampler: PoseSampler, folder: Path, missing: Collection[str] | None = None) -> Sink:
         """Return what writes files from the poses of a take into the folder of its name.
@@ -75,9 +89,24 @@ class PosedOutput(Ranged):
         Args:
             sampler: The poses.
             folder: The folder.
-            missing: Names of the files, as ``files`` gives them; all when None.
+            missing: Names of the files, as ``posed_files`` gives them; all when None.
         """
         raise NotImplementedError
+
+    def file_of(self, avatar: str) -> str:
+        """Return the file in its folder that holds an avatar of a name; nothing where each file holds all avatars."""
+        return ""
+
+    @classmethod
+    def pattern(cls) -> str:
+        """Return the regular expression of the names of its files."""
+        return rf"{cls.name}/avatars\.csv|{cls.posed_pattern()}"
+
+    def files(self, extent: Extent, names: Sequence[str]) -> Iterator[str | Series]:
+        """Yield the names of its files, the list of its avatars last."""
+        if self.frame_count(extent):
+            yield from self.posed_files(extent, names)
+            yield f"{self.name}/{AVATARS}"
 
     def chosen(self, count: int) -> Sequence[int]:
         """Return the numbers of its avatars, ascending, of ``count`` that there are."""
@@ -97,15 +126,17 @@ class PosedOutput(Ranged):
         """Return the words of the command that writes it from a finished run."""
         words = ["crowdsim", "export", run, f"--{self.name}", "--threads", "1"]
         for key, value in self:
-            if value is not None:
-                words += [f"--{key}", _option_text(key, value)]
+            if isinstance(value, bool):
+                words += [f"--{'' if value else 'no-'}{key.replace('_', '-')}"]
+            elif value is not None:
+                words += [f"--{key.replace('_', '-')}", _option_text(key, value)]
         return words
 
 
 def _option_text(key: str, value: Any) -> str:
     if isinstance(value, tuple):
         return (":" if key == "frames" else ",").join(map(str, value))
-    return str(value).removesuffix(".0")
+    return rate_text(value) if isinstance(value, float) else str(value)
 
 
 def file_names(output: Output, extent: Extent, names: Sequence[str]) -> list[str]:
@@ -136,16 +167,28 @@ def write_posed(
         OutputError: A file cannot be written.
         RunError: A library that an output needs cannot be loaded.
     """
+    from crowdsim.export.avatar_list import avatar_list
+
     extent, names = extent_of(sampler.take), sampler.take.cast.names.tolist()
     planned: dict[str, list[str]] = {}
     rates: dict[float, list[Sink]] = {}
+    lists: dict[str, PosedOutput] = {}
     for output in outputs:
         place = make_inside(folder, output.name)
         planned[output.name] = file_names(output, extent, names)
         missing = {name for name in planned[output.name] if not exists_plain(folder, name)}
+        listed = f"{output.name}/{AVATARS}"
+        if planned[output.name].count(listed) > 1:
+            raise OutputError(f"{folder / listed}: is the list of avatars, and an avatar has a file of this name")
+        if listed in missing:
+            missing.remove(listed)
+            lists[listed] = output
         if missing:
             rates.setdefault(output.rate, []).append(output.sink(sampler, place, missing))
     for fps, sinks in rates.items():
         stream_poses(sampler, fps, sinks, threads, progress)
+    for listed, output in lists.items():
+        avatars, frames = output.chosen(len(names)), output.frames_of(extent)
+        write_plain(folder, listed, avatar_list(sampler, avatars, frames, output.rate, output.file_of))
     # Avatars that never came have no file.
     return {kind: [folder / name for name in found if exists_plain(folder, name)] for kind, found in planned.items()}

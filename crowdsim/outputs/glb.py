@@ -36,14 +36,17 @@ class GlbOutput(PosedOutput):
     )
 
     @classmethod
-    def pattern(cls) -> str:
+    def posed_pattern(cls) -> str:
         """Return the regular expression of the name of its file."""
         return _FILE.replace(".", r"\.")
 
-    def files(self, extent: Extent, names: Sequence[str]) -> Iterator[str | Series]:
+    def posed_files(self, extent: Extent, names: Sequence[str]) -> Iterator[str | Series]:
         """Yield the name of the file."""
-        if self.frame_count(extent):
-            yield _FILE
+        yield _FILE
+
+    def file_of(self, avatar: str) -> str:
+        """Return the name of the file, which holds all avatars that are there at some time."""
+        return Path(_FILE).name
 
     def findings_for(self, extent: Extent) -> Iterator[Finding]:
         """Yield a finding where the file would be larger than glTF files can be."""

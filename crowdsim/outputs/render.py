@@ -13,6 +13,7 @@ from crowdsim.config.files import Fault, Finding, StrictModel
 from crowdsim.config.findings import show
 from crowdsim.scenario.output import Extent, Ranged, Series
 from crowdsim.scenario.parts import MAXIMUM_SECONDS, Metres
+from crowdsim.scenario.rates import PictureRate
 
 if TYPE_CHECKING:
     from crowdsim.export.posed import FinishedTake
@@ -66,7 +67,7 @@ class RenderOutput(Ranged):
     kernels = "pictures"
     stage = "render"
 
-    fps: Annotated[float, Field(ge=1, le=240)] = Field(default=30.0, description="Frames per second.")
+    fps: PictureRate = Field(default=30.0, description="Frames per second, or a fraction.")
     size: tuple[Pixels, Pixels] = Field(
         default=(1280, 720), description="Width and height [pixels]; even numbers for video."
     )

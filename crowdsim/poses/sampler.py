@@ -218,12 +218,16 @@ class PoseSampler:
             whole.ground[:, columns] = block.part.playback.ground
         return list(result.values())
 
-    def present(self, avatar: int, start: int, stop: int, fps: float) -> int:
-        """Return in how many of the output frames ``start`` to ``stop`` an avatar is there."""
-        control = np.floor(np.arange(start, stop) / fps * self.take.control_rate + 1e-9).astype(np.int64)
-        control = np.clip(control, 0, self.take.frame_count - 1)
+    def present(self, avatar: int, start: int, stop: int, fps: float) -> Array:
+        """Return in which of the output frames ``start`` to ``stop`` an avatar is there. Shape (T,), bool."""
+        control = self.control_frames(np.arange(start, stop), fps)
         action = np.asarray(self.take.action[int(control[0]) : int(control[-1]) + 1, avatar])
-        return int(np.count_nonzero(action[control - control[0]] >= 0))
+        return np.asarray(action[control - control[0]] >= 0)
+
+    def control_frames(self, frames: Array, fps: float) -> Array:
+        """Return the control frame that each output frame (T,) is in. Shape (T,), int64."""
+        control = np.floor(frames / fps * self.take.control_rate + 1e-9).astype(np.int64)
+        return np.clip(control, 0, self.take.frame_count - 1)
 
     def expect(self, times: Array) -> None:
         """Find strikes around times [s] that miss avatars because they are too deep in them.

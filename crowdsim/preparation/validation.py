@@ -13,7 +13,7 @@ from crowdsim import assets
 from crowdsim.config.files import Finding, find_faults
 from crowdsim.config.nodes import MAXIMUM_BYTES
 from crowdsim.errors import CrowdsimError, PolicyError, RecipeError, ScenarioError, nearest
-from crowdsim.scenario.frame_ranges import frame_limit, output_frames
+from crowdsim.scenario.frame_ranges import output_frames
 from crowdsim.scenario.output import Ranged
 
 if TYPE_CHECKING:
@@ -170,9 +170,11 @@ def _time_findings(scenario: Scenario) -> list[Finding]:
         frames, fps = output.asked_frames(), output.rate
         if frames is None:
             continue
-        if frames[0] >= output_frames(count, rate, fps) or frames[1] > frame_limit(count, rate, fps):
-            last = output_frames(count, rate, fps) - 1
-            what = f"is {list(frames)}, but the run has frames 0 to {last} at {fps:g} fps, {_length(count, rate)}"
+        there_are = output_frames(count, rate, fps)
+        if frames[1] > there_are:
+            what = (
+                f"is {list(frames)}, but the run has frames 0 to {there_are - 1} at {fps:g} fps, {_length(count, rate)}"
+            )
             findings.append(output.place(Finding(("frames",), f"{what}, expected a range within")))
     return findings
 

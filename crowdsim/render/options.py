@@ -70,7 +70,7 @@ class RenderOptions:
         """
         count, name = source.frame_count, source.name
         if isinstance(self.frames, FrameRange):
-            start, stop = self.frames.resolve(count, source.fps, getattr(source, "frame_limit", None))
+            start, stop = self.frames.resolve(count, source.fps)
         else:
             first, last = self.frames or (None, None)
             start, stop = first or 0, count if last is None else last

@@ -62,7 +62,6 @@ class TakeSource:
         self.arena = np.zeros(5) if arena is None else np.asarray(arena, float)
         self._sampler = PoseSampler(take, policies, threads)
         self.frame_count = take.output_frames(fps)
-        self.frame_limit = take.frame_limit(fps)
         cast = take.cast
         self.avatar_names = tuple(str(value) for value in cast.names)
         self.avatar_teams = np.asarray(cast.teams, int)

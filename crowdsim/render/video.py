@@ -16,6 +16,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.errors import OutputError
 from crowdsim.render.kernels.video import to_yuv420
+from crowdsim.scenario.rates import exact_rate
 
 _ENCODER_THREADS = 4
 """Always the same, since x264's bytes depend on it."""
@@ -60,7 +61,7 @@ def encode(path: Path, pictures: Iterable[Array], size: tuple[int, int], fps: fl
     """
     command = [
         ffmpeg(), "-v", "error", "-nostdin", "-y",
-        "-f", "rawvideo", "-pix_fmt", "yuv420p", "-s", f"{size[0]}x{size[1]}", "-r", f"{fps:.10g}",
+        "-f", "rawvideo", "-pix_fmt", "yuv420p", "-s", f"{size[0]}x{size[1]}", "-r", str(exact_rate(fps)),
         "-color_range", "tv", "-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709", "-i", "-",
         "-an", "-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-bf", "0", "-threads", str(_ENCODER_THREADS),
         "-pix_fmt", "yuv420p", "-color_range", "tv", "-colorspace", "bt709", "-color_primaries", "bt709",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Sequence
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ from crowdsim.runs.stage import Plan, Wanted, write_together
 from crowdsim.scenario.frame_ranges import parse_frames
 from crowdsim.scenario.output import FPS
 from crowdsim.scenario.outputs import REGISTRY
+from crowdsim.scenario.rates import parse_rate
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -35,7 +37,7 @@ EXPORTS: dict[str, type[PosedOutput]] = {
 def choose_outputs(
     take: Take,
     kinds: Sequence[str],
-    fps: float | None = None,
+    fps: str | float | Fraction | None = None,
     frames: str | None = None,
     avatars: str | None = None,
     **keys: Any,
@@ -45,14 +47,14 @@ def choose_outputs(
     Args:
         take: The take.
         kinds: Names of outputs, of those in ``EXPORTS``.
-        fps: Output frames a second; 60 when None.
+        fps: Output frames a second, a fraction such as ``24000/1001`` too; 60 when None.
         frames: Output frames ``A:B``, in frames or seconds; all when None.
         avatars: Their numbers or names, ``0-9`` or ``0,3,red_1``; all when None.
         **keys: Other keys, for the outputs that have them, lists as text with commas too; None for the defaults.
 
     Raises:
         TakeError: Avatars or frames are asked for that the take does not have.
-        CrowdsimError: Nothing is chosen, there is no such output, or none of them has a key or takes its value.
+        CrowdsimError: Nothing is chosen, there is no such output, or none of them has a key or takes its value or rate.
     """
     from crowdsim.export.select import parse_avatars
 
@@ -61,11 +63,11 @@ def choose_outputs(
     for kind in kinds:
         if kind not in EXPORTS:
             raise CrowdsimError(f"cannot export {kind!r}, expected {', '.join(EXPORTS)}{nearest(str(kind), EXPORTS)}")
-    rate = fps or FPS
+    rate = parse_rate(FPS if fps is None else fps)
     count = take.output_frames(rate)
     given: dict[str, Any] = {"fps": rate, "avatars": parse_avatars(avatars, take.cast), "frames": (0, count)}
     if frames is not None:
-        given["frames"] = parse_frames(frames).resolve(count, rate, take.frame_limit(rate))
+        given["frames"] = parse_frames(frames).resolve(count, rate)
     more = {key: value for key, value in keys.items() if value is not None}
     for key in more:
         having = [kind for kind, output in EXPORTS.items() if key in output.model_fields]
@@ -73,7 +75,9 @@ def choose_outputs(
             known = list(dict.fromkeys(name for output in EXPORTS.values() for name in output.model_fields))
             raise CrowdsimError(f"no export has the key {key!r}, expected {', '.join(known)}{nearest(key, known)}")
         if not set(having) & set(kinds):
-            raise CrowdsimError(f"--{key} has no effect on {_options(kinds)}, expected {_options(having)} with it")
+            raise CrowdsimError(
+                f"--{key.replace('_', '-')} has no effect on {_options(kinds)}, expected {_options(having)} with it"
+            )
     chosen = []
     for output in map(EXPORTS.__getitem__, kinds):
         try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.core.workers import CORES
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.scenario.frame_ranges import parse_frames
+from crowdsim.scenario.rates import read_rate
 from crowdsim.take.take import Take
 
 if TYPE_CHECKING:
@@ -51,7 +53,7 @@ class RecordedRun(Take):
         out: FileName | None = None,
         avatars: ArrayLike | None = None,
         frames: str | tuple[int, int] | None = None,
-        fps: float = 60.0,
+        fps: str | float | Fraction = 60.0,
         threads: int = CORES,
         progress: Progress | None = None,
         force: bool = False,
@@ -64,7 +66,7 @@ class RecordedRun(Take):
             out: Folder for a folder of each kind; by default the run folder, where they replace those of their kind.
             avatars: Numbers or names, or text such as ``0-9``; all when None.
             frames: Output frames, half-open: text such as ``0:120`` or ``2s:5s``, or two numbers; all when None.
-            fps: Output frames a second.
+            fps: Output frames a second, a fraction such as ``24000/1001`` too.
             threads: Threads; the files do not depend on them.
             progress: Called with stage, done and total.
             force: Whether to do it again although it is done, and to replace exports in another folder.
@@ -96,7 +98,7 @@ class RecordedRun(Take):
         frames: str | tuple[int, int] | None = None,
         camera: str | None = None,
         size: str | tuple[int, int] = "1280x720",
-        fps: float = 30.0,
+        fps: str | float | Fraction = 30.0,
         mp4: bool | None = None,
         png: bool = False,
         contact_sheet: int = 0,
@@ -113,7 +115,7 @@ class RecordedRun(Take):
             frames: Pictures, half-open: text such as ``0:120`` or ``2s:5s``, or two numbers; all when None.
             camera: ``auto``, ``orbit``, ``top``, ``side``, ``front``, or ``follow:AVATAR`` with a number or name.
             size: Width and height [px].
-            fps: Pictures a second.
+            fps: Pictures a second, a fraction too.
             mp4: Whether to write ``video.mp4``; when None, where nothing else is asked for.
             png: Whether to write every picture as PNG, into the folder ``frames``.
             contact_sheet: Number of moments in ``contact_sheet.png``; 0 for none.
@@ -138,6 +140,7 @@ class RecordedRun(Take):
         from crowdsim.render.take_source import TakeSource
         from crowdsim.runs.stage import write_pictures
 
+        fps = float(read_rate(fps))
         given, said = _range_text(frames), size if isinstance(size, str) else "x".join(map(str, size))
         options = RenderOptions(
             size=parse_size(said),

@@ -139,6 +139,8 @@ def record(
                 if is_caught:
                     sink.close("interrupted")
                     run.interrupt(f"the {done} of {frames} control frames that were done are kept")
+            if arrivals := simulation.arrivals_text():
+                run.tell(arrivals)
             if simulation.outcome is not None:
                 run.report.outcome = describe_outcome(run.scenario, simulation.outcome)
         sink.close()

@@ -17,6 +17,7 @@ from crowdsim.scenario.fitness import LINGERS, End
 from crowdsim.scenario.groups import AnyoneOpponents, Group, Opponents, PointsPlacement, Target
 from crowdsim.scenario.outputs import Outputs
 from crowdsim.scenario.parts import MAXIMUM_FRAMES, MAXIMUM_SECONDS, Arena, AvatarType, Name, NoArena
+from crowdsim.scenario.rates import Rate
 
 MAXIMUM_SEED = 2**63 - 1
 PRE_ROLL = 3.0
@@ -71,8 +72,8 @@ class Description(StrictModel):
         description="For how long avatars stand on guard before the first frame, so that a take begins in motion [s]; "
         "null: 3 s for up to 1000 avatars, else 0 s.",
     )
-    fps: float = Field(
-        default=60.0, ge=1, le=1000, description="Frames per second of outputs that name no rate of their own."
+    fps: Rate = Field(
+        default=60.0, description="Frames per second of outputs that name no rate of their own, or a fraction."
     )
     arena: Arena = Field(default_factory=lambda: NoArena(kind="none"), description="Where avatars turn back.")
     types: dict[Name, AvatarType] = Field(min_length=1, max_length=_MOST, description="Types of avatars by name.")

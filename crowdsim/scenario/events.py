@@ -108,7 +108,10 @@ class RetargetEvent(StrictModel):
 class AddEvent(StrictModel):
     """A waiting group enters."""
 
-    kind: Literal["add"] = Field(description="Lets a group with `waits: true` enter at its placement.")
+    kind: Literal["add"] = Field(
+        description="Lets a group with `waits: true` enter at its placement; avatars that are placed where others are "
+        "enter up to 1 m beside it, or wait for room."
+    )
     when: Condition = Field(description="When it happens.")
     group: Name = Field(description="Group that enters.")
 

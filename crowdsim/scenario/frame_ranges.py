@@ -31,25 +31,21 @@ class FrameRange:
     stop_in_seconds: bool = False
     text: str = ""
 
-    def resolve(self, count: int, fps: float, most: int | None = None) -> tuple[int, int]:
+    def resolve(self, count: int, fps: float) -> tuple[int, int]:
         """Return the first frame and the one after the last of a motion of ``count`` frames.
 
         Args:
             count: Number of frames.
             fps: Frames a second.
-            most: How far a time may reach [frames]: the last control frame of a run lasts beyond the last output
-                frame. ``count`` when None.
 
         Raises:
             TakeError: The range is empty or reaches beyond the motion.
         """
         start = _frame(self.start, self.start_in_seconds, fps, 0)
         stop = _frame(self.stop, self.stop_in_seconds, fps, count)
-        if self.stop_in_seconds and stop <= (most or count):
-            stop = min(stop, count)
         result = f"frames {self.text or f'{start}:{stop}'!r}"
         if start >= count or stop > count:
-            raise TakeError(f"{result}: there are frames 0 to {count - 1} at {fps:g} fps, {(most or count) / fps:g} s")
+            raise TakeError(f"{result}: there are frames 0 to {count - 1} at {fps:g} fps, {count / fps:g} s")
         if start >= stop:
             raise TakeError(f"{result}: is empty, expected the first frame before the last")
         return start, stop
@@ -99,7 +95,7 @@ def parse_times(text: str, rate: float, frames: int) -> list[float] | float:
         TakeError: It means none, or the range is not within the frames.
     """
     if ":" in text:
-        start, stop = parse_frames(text).resolve(frames, rate, frame_limit(frames, rate, rate))
+        start, stop = parse_frames(text).resolve(frames, rate)
         return [frame / rate for frame in range(start, stop)]
     match = _LENGTH.fullmatch(text)
     if match is None or (not match[2] and "." in match[1]):
@@ -114,13 +110,8 @@ def first_frame_at(seconds: float, fps: float) -> int:
 
 
 def output_frames(control_frames: int, rate: float, fps: float) -> int:
-    """Return how many output frames lie between the first control frame and the last, both included."""
-    return int(max(control_frames - 1, 0) / rate * fps + 1e-6) + 1
-
-
-def frame_limit(control_frames: int, rate: float, fps: float) -> int:
-    """Return how many output frames a run lasts, its last control frame included; no fewer than there are."""
-    return max(output_frames(control_frames, rate, fps), first_frame_at(control_frames / rate, fps))
+    """Return how many output frames a run has: those before its end, one control frame after its last one begins."""
+    return first_frame_at(control_frames / rate, fps)
 
 
 def _frame(value: float | None, in_seconds: bool, fps: float, default: int) -> int:

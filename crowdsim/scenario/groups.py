@@ -12,7 +12,7 @@ from pydantic import Field, ValidationInfo, model_validator
 from crowdsim.config.files import Fault, StrictModel
 from crowdsim.config.findings import show
 from crowdsim.scenario.names import is_portable
-from crowdsim.scenario.parts import Name, Point, Weights
+from crowdsim.scenario.parts import FARTHEST, Name, Point, Weights
 
 MAXIMUM_AVATARS = 10_000_000
 
@@ -216,6 +216,16 @@ class CircleTarget(StrictModel):
     )
     centre: Point = Field(default=(0.0, 0.0), description="Centre, x and z [m].")
     height: float = Field(default=1.6, gt=0, le=10, description="Height of the target, the centre of its head [m].")
+
+    @model_validator(mode="after")
+    def _check(self) -> CircleTarget:
+        reach = self.radius + max(map(abs, self.centre))
+        if reach > FARTHEST:
+            raise Fault(
+                f"is {self.radius:g}, so that the target would be at {reach:g}, expected x and z up to {FARTHEST} m",
+                "radius",
+            )
+        return self
 
 
 class PointsTarget(StrictModel):

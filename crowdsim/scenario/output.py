@@ -13,6 +13,7 @@ from crowdsim.config.files import Fault, Finding, StrictModel
 from crowdsim.config.schema import Expected
 from crowdsim.scenario.frame_ranges import first_frame_at, output_frames
 from crowdsim.scenario.parts import MAXIMUM_SECONDS
+from crowdsim.scenario.rates import Rate
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -21,7 +22,6 @@ FPS = 60.0
 """Frames a second of an output where neither it nor its scenario names a rate."""
 _MOST_FRAMES = 10**12
 Avatars = tuple[Annotated[int, Field(ge=0)], ...]
-Fps = Annotated[float, Field(ge=1, le=1000)]
 Frames = tuple[Annotated[int, Field(ge=0, le=_MOST_FRAMES)], Annotated[int, Field(ge=1, le=_MOST_FRAMES)]]
 _FRAMES = (
     "Output frames to write, the first and the one after the last; or as a mapping in `seconds`, or as text such as "
@@ -166,7 +166,10 @@ class Ranged(Output):
         Annotated[Frames, Expected("a list of two whole numbers")] | SecondsRange | None,
         BeforeValidator(_read_range),
     ] = Field(default=None, description=_FRAMES, json_schema_extra=_allow_range_text)
-    fps: Fps | None = Field(default=None, description="Frames per second; without it the scenario's `fps`.")
+    fps: Rate | None = Field(
+        default=None,
+        description="Frames per second, or a fraction such as `24000/1001`; without it the scenario's `fps`.",
+    )
 
     @model_validator(mode="after")
     def _check_frames(self) -> Ranged:

@@ -58,7 +58,11 @@ Name = Annotated[str, AfterValidator(_name), WithJsonSchema({"type": "string", "
 PolicyName = Annotated[Name, AfterValidator(_policy)]
 Colour = Annotated[str, AfterValidator(_colour), WithJsonSchema({"type": "string", "pattern": f"^{_COLOUR}$"})]
 Metres = Annotated[float, Field(ge=-100_000, le=100_000)]
-Point = Annotated[tuple[Metres, Metres], Expected("a list of two numbers, x and z [m]")]
+FARTHEST = 4_000
+"""How far from the origin avatars and targets may be along x and z [m]. Takes and exports have single precision, whose
+steps are a quarter of a millimetre there; twice as far away planted feet would be seen to slide."""
+_Coordinate = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]
+Point = Annotated[tuple[_Coordinate, _Coordinate], Expected("a list of two numbers, x and z [m]")]
 Weight = Annotated[float, Field(ge=0, le=1000)]
 Weights = dict[Name, Weight]
 

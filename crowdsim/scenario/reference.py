@@ -13,6 +13,8 @@ _HEAD = """# Scenario files
 
 Every key of a scenario, from the schema that checks it. Lengths are in metres, times in seconds or control frames as
 stated, angles in degrees; x points to the left and z ahead of an avatar with heading 0. Required keys have no default.
+Avatars and targets are at most 4,000 m from the origin along x and z: takes and exports have single precision, whose
+steps are a quarter of a millimetre there, and further away they would show.
 `crowdsim validate FILE` reports every error in a file; `--set groups[0].count=12` changes a key for one run.
 A file has at most 1 MiB of UTF-8, 100,000 values, 64 levels, 10,000 keys in a mapping, and 10,000 types, groups and
 events each. Of more than 100 findings the first 100 are reported. Files of points lie in the scenario's folder or below

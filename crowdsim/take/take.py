@@ -87,9 +87,10 @@ class Take(TakeData):
         except (TypeError, ValueError):
             what = f"times are {times!r}"[:100]
             raise TakeError(f"{what}, expected seconds as numbers, or text as in 4s, 60 or 2s:5s") from None
-        outside = found[~((found >= 0.0) & (found <= self.seconds + 1e-6))]
+        outside = found[~((found >= 0.0) & (found < self.seconds))]
         if outside.size:
-            raise TakeError(f"{outside[0]:g} s is not in the take, expected 0 to {self.seconds:g} s")
+            what = f"expected at least 0 and less than {self.seconds:g} s"
+            raise TakeError(f"{outside[0]:g} s is not in the take, {what}")
         return found
 
     def _read_times(self, times: Any) -> Any:

@@ -219,7 +219,7 @@ def test_points_come_from_text_and_binary_files_alike(tmp_path):
         ("x,z\n1,2\n3,x\n", "could not convert string 'x' to float64"),
         ("x,z\n1,2\n3\n", "number of columns changed"),
         ("1\n2\n", "holds an array of shape (2, 1), expected rows of x, z and perhaps a heading"),
-        ("1,2\n3,inf\n", "row 2 is 3, inf, expected finite numbers up to 100000 m"),
+        ("1,2\n3,inf\n", "row 2 is 3, inf, expected finite numbers up to 4000 m"),
         ("x,z\n", "0 of 2 avatars fit, for there are 0 points, expected 2 or more"),
         ("1,2\n", "1 of 2 avatars fit, for there are 1 points, expected 2 or more"),
     ],

@@ -23,7 +23,7 @@ class Stop(Exception):
 
 def tables(folder: Path) -> dict[str, bytes]:
     """Return the files of a run's CSV."""
-    return {path.name: path.read_bytes() for path in (folder / "csv").iterdir()}
+    return {path.name: path.read_bytes() for path in (folder / "csv").iterdir() if path.name != "avatars.csv"}
 
 
 def table(path: Path) -> tuple[list[str], np.ndarray]:
@@ -44,15 +44,15 @@ def run(workplace: Path) -> Path:
 def test_positions_are_those_of_the_take(run: Path, capsys) -> None:
     opened = open_run(run)
     assert sorted(path.name for path in (run / "csv").iterdir()) == [
-        "blue_0.csv", "blue_1.csv", "red_0.csv", "red_1.csv",
+        "avatars.csv", "blue_0.csv", "blue_1.csv", "red_0.csv", "red_1.csv",
     ]  # fmt: skip
     roles = opened.policies[0].database.body.roles
     for avatar, name in enumerate(opened.take.cast.names):
         head, rows = table(run / "csv" / f"{name}.csv")
         assert head == ["frame", "seconds", *(f"{joint}_{axis}" for joint in ("head", "left_hand") for axis in "xyz")]
-        np.testing.assert_array_equal(rows[:, 0], np.arange(0, 79, 3))
-        np.testing.assert_allclose(rows[:, 1], np.arange(0, 79, 3) / 30, atol=6e-7)
-        joints = opened.joints(avatar, np.arange(0, 79, 3) / 30)
+        np.testing.assert_array_equal(rows[:, 0], np.arange(0, 80, 3))
+        np.testing.assert_allclose(rows[:, 1], np.arange(0, 80, 3) / 30, atol=6e-7)
+        joints = opened.joints(avatar, np.arange(0, 80, 3) / 30)
         chosen = joints[:, [roles["head"], roles["left_hand"]]].reshape(27, 6)
         np.testing.assert_allclose(rows[:, 2:], chosen, atol=6e-7, rtol=0)
         assert np.ptp(rows[:, 2:], axis=0).min() > 0.01
@@ -65,7 +65,11 @@ def test_the_command_writes_all_joints_of_some_frames_and_avatars(run: Path, cap
     opened = open_run(run)
     words = ("export", run, "--csv", "--fps", "20", "--frames", "10:31", "--avatars", "1,3", "--out", "x")
     assert crowdsim(*words) == 0
-    assert sorted(path.name for path in (run.parent / "x" / "csv").iterdir()) == ["blue_1.csv", "red_1.csv"]
+    assert sorted(path.name for path in (run.parent / "x" / "csv").iterdir()) == [
+        "avatars.csv",
+        "blue_1.csv",
+        "red_1.csv",
+    ]
     for avatar, name in ((1, "red_1"), (3, "blue_1")):
         head, rows = table(run.parent / "x" / "csv" / f"{name}.csv")
         names = opened.joint_names(avatar)
@@ -88,8 +92,8 @@ def test_the_command_writes_all_joints_of_some_frames_and_avatars(run: Path, cap
     ("kinds", "keys", "what"),
     [
         (["cvs"], {}, "cannot export 'cvs', expected bvh, ply, pcd, csv, glb (did you mean 'csv'?)"),
-        (["csv"], {"joint": "head"}, "no export has the key 'joint', expected frames, fps, avatars, every, points, "
-         "joints, rotations (did you mean 'joints'?)"),
+        (["csv"], {"joint": "head"}, "no export has the key 'joint', expected frames, fps, avatars, whole, t_pose, "
+         "every, points, joints, rotations (did you mean 'joints'?)"),
         (["csv"], {"every": 0}, "csv: every: Input should be greater than or equal to 1"),
         (["csv"], {"frames": "5:2"}, "frames '5:2': is empty, expected the first frame before the last"),
     ],
@@ -138,7 +142,7 @@ def test_parts_of_a_take_have_the_rows_of_the_whole(run: Path, monkeypatch) -> N
     monkeypatch.setattr(stream, "_POSES_AT_ONCE", 20)
     assert crowdsim("export", run, "--csv", "--fps", "30", "--joints", "head,left_hand", "--out", "all") == 0
     whole = (run.parent / "all" / "csv" / "red_1.csv").read_text().splitlines()
-    assert len(whole) == 80
+    assert len(whole) == 81
     some = (run / "csv" / "red_1.csv").read_text().splitlines()
     assert some == [whole[0], *whole[1::3]]
 
@@ -159,7 +163,7 @@ def test_avatars_that_never_come_have_no_file_whatever_is_written_along(workplac
     for kinds in (("--glb",), ("--glb", "--bvh", "--csv")):
         capsys.readouterr()
         assert crowdsim("export", "run", *kinds, "--avatars", "blue_0", "--out", "x", "--force") == 0
-        assert "glb: no file, since none of these avatars is there in these frames" in capsys.readouterr().out
+        assert "glb: only avatars.csv, since none of these avatars is there in these frames" in capsys.readouterr().out
         assert not list((workplace / "x").rglob("*.glb"))
 
 

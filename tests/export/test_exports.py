@@ -1,5 +1,7 @@
 """Exports of a take through other people's readers, and in parts as whole."""
 
+import csv
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,11 +9,19 @@ import numpy as np
 import pytest
 from scenes import crowdsim, write_scene
 
+from crowdsim.bvh.io import read_bvh, to_clip
+from crowdsim.errors import OutputError
 from crowdsim.export import avatar_files, stream
+from crowdsim.export.avatar_list import avatar_list
 from crowdsim.export.cloud_files import FIELDS
 from crowdsim.export.pointcloud import CloudSink, export_clouds
+from crowdsim.export.posed import PosedOutput, write_posed
 from crowdsim.export.stream import stream_poses
+from crowdsim.motion.skeleton import Clip
 from crowdsim.outputs.bvh import BvhOutput, export_bvh
+from crowdsim.outputs.csv import CsvOutput
+from crowdsim.outputs.glb import GlbOutput
+from crowdsim.outputs.ply import PlyOutput
 from crowdsim.poses.sampler import PoseSampler
 from crowdsim.preparation.prepare import load_policies
 from crowdsim.runs.runner import run
@@ -95,10 +105,10 @@ def test_two_readers_find_every_joint_where_we_have_it(sampler: PoseSampler, tmp
 def test_avatars_that_come_and_leave_have_the_frames_in_which_they_are_there(sampler, tmp_path: Path) -> None:
     paths = export_bvh(sampler, tmp_path, FPS)
     frames = [int(path.read_text().split("Frames:")[1].split()[0]) for path in paths]
-    assert frames == [79, 79, 30]
+    assert frames == [80, 80, 30]
     assert export_bvh(sampler, tmp_path / "none", FPS, (0, 10), [2]) == []
     files = export_clouds(sampler, tmp_path / "ply", "ply", FPS, 30)
-    assert len(files) == 79
+    assert len(files) == 80
     sizes = [len(CloudSink(sampler, tmp_path, "ply", FPS, 30).build(frame).avatar) for frame in (19, 20, 49, 50)]
     assert sizes == [60, 90, 90, 60]
 
@@ -126,6 +136,25 @@ def test_clouds_read_back_with_all_their_fields(sampler: PoseSampler, tmp_path: 
     assert set(cloud.avatar) == {0, 1, 2}
     assert list(cloud.team[::40]) == [0, 0, 1]
     np.testing.assert_allclose(np.linalg.norm(cloud.normals, axis=1), 1, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["ply", "pcd"])
+def test_clouds_without_points_are_written_as_such(sampler: PoseSampler, tmp_path: Path, kind: str) -> None:
+    import open3d
+
+    paths = export_clouds(sampler, tmp_path, kind, FPS, 40, (18, 22), avatars=[2])
+    counts = []
+    for path in paths:
+        head = path.read_bytes()[:1000].decode("latin-1")
+        counts.append(int(re.search(r"^(?:POINTS|element vertex) (\d+)$", head, re.MULTILINE)[1]))
+        # It calls a PCD file without points one without data, and has no points.
+        with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
+            point = open3d.t.io.read_point_cloud(str(path)).point
+        assert (len(point.positions) if "positions" in point else 0) == counts[-1]
+    assert counts == [0, 0, 40, 40]
+    if kind == "pcd":
+        none, some = (re.search(r"FIELDS (.*)", path.read_text("latin-1"))[1].split() for path in paths[1:3])
+        assert set(none) == set(some) == set(FIELDS)
 
 
 def test_plyfile_and_trimesh_read_clouds_too(sampler: PoseSampler, tmp_path: Path) -> None:
@@ -195,9 +224,71 @@ def test_many_avatars_are_written_in_groups(sampler: PoseSampler, tmp_path: Path
     assert [path.read_bytes() for path in files] == [path.read_bytes() for path in alone]
 
 
-def test_a_range_has_the_bytes_of_the_whole(sampler: PoseSampler, tmp_path: Path) -> None:
-    from crowdsim.bvh.io import read_bvh, to_clip
+def test_the_list_of_avatars_says_when_each_is_there(sampler: PoseSampler, monkeypatch) -> None:
+    def rows(output: PosedOutput, frames: tuple[int, int]) -> list[list[str]]:
+        text = avatar_list(sampler, output.chosen(3), frames, output.rate, output.file_of)
+        return list(csv.reader(text.splitlines()))[1:]
 
+    whole = [
+        ["0", "red_0", "red", "boxer", "0", "79", "80", "1", "athletic", "red_0.bvh"],
+        ["1", "red_1", "red", "boxer", "0", "79", "80", "1", "athletic", "red_1.bvh"],
+        ["2", "late_0", "blue", "large", "20", "49", "30", "1.2", "athletic", "late_0.bvh"],
+    ]
+    assert rows(BvhOutput(fps=FPS), (0, 80)) == whole
+    monkeypatch.setattr("crowdsim.export.avatar_list._AT_ONCE", 7)
+    assert rows(BvhOutput(fps=FPS), (0, 80)) == whole
+    assert rows(GlbOutput(fps=FPS), (0, 80))[2][-1] == "take.glb"
+    assert rows(PlyOutput(fps=FPS, avatars=(2,)), (30, 60)) == [
+        [*whole[2][:4], "30", "49", "20", "1.2", "athletic", ""]
+    ]
+    assert rows(BvhOutput(fps=FPS, avatars=(2,)), (0, 20)) == [[*whole[2][:4], "", "", "0", "1.2", "athletic", ""]]
+
+
+def test_an_avatar_whose_file_would_be_the_list_is_refused(sampler: PoseSampler, tmp_path: Path) -> None:
+    cast = replace(sampler.take.cast, names=np.array(["red_0", "avatars", "late_0"]))
+    named = PoseSampler(replace(sampler.take, cast=cast), sampler.policies)
+    with pytest.raises(
+        OutputError, match=r"avatars\.csv: is the list of avatars, and an avatar has a file of this name"
+    ):
+        write_posed(named, tmp_path, [CsvOutput(fps=FPS)])
+    assert len(write_posed(named, tmp_path, [BvhOutput(fps=FPS)])["bvh"]) == 4
+
+
+def test_whole_files_cover_all_frames_and_hold_the_pose_of_absent_avatars(sampler, tmp_path: Path, monkeypatch) -> None:
+    def read(name: str, **keys: bool) -> Clip:
+        (tmp_path / name).mkdir()
+        sink = BvhOutput(fps=FPS, avatars=(2,), **keys).sink(sampler, tmp_path / name)
+        return to_clip(read_bvh(stream_poses(sampler, FPS, [sink])[0][0]))
+
+    part, whole = read("part"), read("whole", whole=True)
+    monkeypatch.setattr(stream, "_POSES_AT_ONCE", 7)
+    monkeypatch.setattr("crowdsim.outputs.bvh._ROWS", 3)
+    assert (tmp_path / "whole" / "late_0.bvh").read_bytes() == Path(read("again", whole=True).source).read_bytes()
+    assert (part.frame_count, whole.frame_count) == (30, 80)
+    expected = [0] * 20 + list(range(30)) + [29] * 30
+    np.testing.assert_allclose(whole.root_positions, part.root_positions[expected], atol=1e-7)
+    np.testing.assert_allclose(whole.rotations, part.rotations[expected], atol=1e-6)
+
+
+def test_a_rest_pose_comes_first_where_it_is_asked_for(sampler: PoseSampler, tmp_path: Path) -> None:
+    for whole in (False, True):
+        output = BvhOutput(fps=FPS, frames=(10, 40), avatars=(0, 2), whole=whole)
+        posed = output.model_copy(update={"t_pose": True})
+        (tmp_path / f"{whole}").mkdir()
+        (tmp_path / f"{whole} posed").mkdir()
+        plain = stream_poses(sampler, FPS, [output.sink(sampler, tmp_path / f"{whole}")])[0]
+        first = stream_poses(sampler, FPS, [posed.sink(sampler, tmp_path / f"{whole} posed")])[0]
+        for one, other in zip(plain, first, strict=True):
+            without, clip = to_clip(read_bvh(one)), to_clip(read_bvh(other))
+            assert clip.frame_count == without.frame_count + 1
+            np.testing.assert_array_equal(clip.root_positions[1:], without.root_positions)
+            np.testing.assert_array_equal(clip.rotations[0], np.tile([1.0, 0.0, 0.0, 0.0], (len(clip.rotations[0]), 1)))
+            assert clip.root_positions[0, [0, 2]].tolist() == [0.0, 0.0]
+            # It stands as high as it does in its motion, but for bent knees [cm].
+            assert 0.0 < clip.root_positions[0, 1] - np.median(without.root_positions[:, 1]) < 15.0
+
+
+def test_a_range_has_the_bytes_of_the_whole(sampler: PoseSampler, tmp_path: Path) -> None:
     (whole,), (part,) = (
         [to_clip(read_bvh(path)) for path in export_bvh(sampler, tmp_path / name, FPS, frames, [1])]
         for name, frames in (("whole", None), ("part", (40, 60)))
@@ -234,17 +325,25 @@ def test_the_command_exports_what_is_asked_for(workplace: Path, capsys) -> None:
     assert crowdsim("export", run_folder, "--bvh", "--ply", "--avatars", "1-2", "--frames", "10:20", "--fps", "20",
                     "--every", "3", "--points", "10", "--out", workplace / "x") == 0  # fmt: skip
     assert sorted(path.name for path in (workplace / "x" / "ply").iterdir()) == [
-        f"0000{frame}.ply" for frame in (10, 13, 16, 19)
-    ]
+        *(f"0000{frame}.ply" for frame in (10, 13, 16, 19)), "avatars.csv",
+    ]  # fmt: skip
     text = (workplace / "x" / "bvh" / "red_1.bvh").read_text()
     assert "Frames: 10\nFrame Time: 0.0500000000\n" in text
-    assert sorted(path.name for path in (workplace / "x" / "bvh").iterdir()) == ["blue_0.bvh", "red_1.bvh"]
+    assert sorted(path.name for path in (workplace / "x" / "bvh").iterdir()) == [
+        "avatars.csv", "blue_0.bvh", "red_1.bvh",
+    ]  # fmt: skip
     out = capsys.readouterr().out.splitlines()
-    assert out[0].startswith(f"{workplace / 'x' / 'bvh'}: 2 files, ")
+    assert out[0].startswith(f"{workplace / 'x' / 'bvh'}: 2 files and avatars.csv, ")
+    with (workplace / "x" / "bvh" / "avatars.csv").open(newline="") as file:
+        assert list(csv.reader(file)) == [
+            ["number", "name", "team", "type", "first_frame", "last_frame", "frames", "scale", "build", "file"],
+            ["1", "red_1", "red", "boxer", "10", "19", "10", "1", "athletic", "red_1.bvh"],
+            ["2", "blue_0", "blue", "boxer", "10", "19", "10", "1", "athletic", "blue_0.bvh"],
+        ]
     assert crowdsim("export", run_folder, "--bvh") == 0
     assert crowdsim("verify", run_folder) == 0
     assert crowdsim("export", run_folder, "--bvh", "--avatars", "3") == 0
-    assert [path.name for path in (run_folder / "bvh").iterdir()] == ["blue_1.bvh"]
+    assert sorted(path.name for path in (run_folder / "bvh").iterdir()) == ["avatars.csv", "blue_1.bvh"]
     assert crowdsim("verify", run_folder) == 0
     capsys.readouterr()
     assert crowdsim("export", run_folder) == 2
@@ -256,8 +355,6 @@ def test_the_command_exports_what_is_asked_for(workplace: Path, capsys) -> None:
 
 
 def test_avatars_of_other_builds_have_skeletons_of_these_builds(sampler: PoseSampler, tmp_path: Path) -> None:
-    from crowdsim.bvh.io import read_bvh
-
     small, large = (read_bvh(path) for path in export_bvh(sampler, tmp_path, FPS, avatars=[0, 2]))
     roles, sizes = sampler.policies[0].database.body.roles, np.full((small.joint_count, 1), 1.2)
     for role, factor in {"knee": 1.1, "foot": 1.1, "elbow": 0.9, "hand": 0.9}.items():

@@ -34,10 +34,10 @@ class BodiesOutput(PosedOutput):
     digits: int = 3
 
     @classmethod
-    def pattern(cls):
+    def posed_pattern(cls):
         return r"bodies/take\\.json"
 
-    def files(self, extent, names):
+    def posed_files(self, extent, names):
         yield "bodies/take.json"
 
     def cost(self, extent):
@@ -115,13 +115,13 @@ def test_an_output_that_is_one_more_file_is_written_exported_checked_and_describ
     assert wrong[0] == 2
     assert "outputs.bodies.avatars[1]: is 9, expected an avatar from 0 to 3" in wrong[2]
     assert [one[0] for one in (done, status, verified, again, help_text, schema, plan)] == [0] * 7
-    assert "bodies          run/bodies (1 file, " in done[1]
+    assert "bodies          run/bodies (2 files, " in done[1]
     held = json.loads((workplace / "run" / "bodies" / "take.json").read_text())
     assert (len(held["colours"]), len(held["frames"])) == (2, 4)
     opened = open_run_without(workplace / "run")
     np.testing.assert_allclose(held["frames"][3][0][1], opened.joints(2, 0.2)[0], atol=6e-4)
-    assert json.loads(status[1])["run"]["outputs"] == {"bodies": {"done": 1, "planned": 1}}
-    assert len(json.loads((workplace / "again" / "bodies" / "take.json").read_text())["frames"]) == 79
+    assert json.loads(status[1])["run"]["outputs"] == {"bodies": {"done": 2, "planned": 2}}
+    assert len(json.loads((workplace / "again" / "bodies" / "take.json").read_text())["frames"]) == 80
     assert "Bodies of all avatars as one JSON file." in help_text[1]
     assert "--digits N" in help_text[1]
     assert '"BodiesOutput"' in schema[1]

@@ -220,8 +220,8 @@ def test_outputs_go_on_behind_the_last_whole_file(workplace: Path, monkeypatch, 
     capsys.readouterr()
     assert crowdsim("status", "run") == 0
     result = capsys.readouterr().out
-    assert result.startswith("interrupted  run  4 avatars, 40 control frames, bvh 0 of 4, ")
-    assert "ply 5 of 27" in result
+    assert result.startswith("interrupted  run  4 avatars, 40 control frames, bvh 0 of 5, ")
+    assert "ply 5 of 28" in result
     before = {path: path.stat().st_mtime_ns for path in (workplace / "run" / ".run.partial" / "ply").iterdir()}
     simulated = Simulated(monkeypatch, capsys)
     assert crowdsim("run", "four.yaml", "--out", "run") == 0

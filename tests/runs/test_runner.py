@@ -65,7 +65,7 @@ def test_a_run_writes_take_outputs_and_a_manifest_and_reports_them(workplace: Pa
     printed = capsys.readouterr().out
     assert len(printed.splitlines()) < 20
     for line in ("avatars         4\n", "control frames  40 (2.7 s)\n", "per avatar per minute\n",
-                 "bvh             output/four/bvh (4 files, ", "ply             output/four/ply (4 files"):  # fmt: skip
+                 "bvh             output/four/bvh (5 files, ", "ply             output/four/ply (5 files"):  # fmt: skip
         assert line in printed
     assert crowdsim("verify", "output/four") == 0
 
@@ -682,7 +682,7 @@ def test_a_full_disk_is_an_error_that_leaves_nothing_half_written(workplace: Pat
     assert resource
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "NUMBA_DISABLE_PERFORMANCE_WARNINGS": "1"}
     # So much fits: a scenario but no take, a take but no BVH, all but a whole cloud.
-    for limit, path in ((2000, "checkpoint.bin"), (45_000, "bvh/"), (60_000, "ply/000000.ply")):
+    for limit, path in ((2000, "checkpoint.bin"), (47_500, "bvh/"), (60_000, "ply/000000.ply")):
         done = subprocess.run(
             [sys.executable, "-c", program, str(limit), "run", "four.yaml", "--force"],
             cwd=workplace, env=environment, capture_output=True, text=True, timeout=300, check=False,

@@ -20,11 +20,11 @@ def found(capsys, *arguments: str) -> list[str]:
 @pytest.mark.parametrize(
     ("outputs", "finding"),
     [
-        ({"bvh": {"frames": [0, 161]}}, "outputs.bvh.frames: is [0, 161], but the run has frames 0 to 156 at 60 fps"),
+        ({"bvh": {"frames": [0, 161]}}, "outputs.bvh.frames: is [0, 161], but the run has frames 0 to 159 at 60 fps"),
         ({"ply": {"fps": 30, "frames": "3s:4s"}},
-         "outputs.ply.frames: is [90, 120], but the run has frames 0 to 78 at 30 fps"),
-        ({"render": {"frames": [79, 80]}},
-         "outputs.render.frames: is [79, 80], but the run has frames 0 to 78 at 30 fps"),
+         "outputs.ply.frames: is [90, 120], but the run has frames 0 to 79 at 30 fps"),
+        ({"render": {"frames": [80, 81]}},
+         "outputs.render.frames: is [80, 81], but the run has frames 0 to 79 at 30 fps"),
     ],
 )  # fmt: skip
 def test_output_frames_beyond_the_end_are_found_before_a_run_begins(workplace: Path, capsys, outputs, finding) -> None:
@@ -43,8 +43,8 @@ def test_output_frames_may_reach_to_the_end_of_the_last_control_frame(workplace:
     assert crowdsim("validate", "four.yaml") == 0
     assert crowdsim("run", "four.yaml") == 0
     text = (workplace / "output/four/bvh/red_0.bvh").read_text()
-    assert "Frames: 147\n" in text
-    assert sorted(path.name for path in (workplace / "output/four/ply").iterdir()) == ["000120.ply", "000140.ply"]
+    assert "Frames: 150\n" in text
+    assert sorted(path.name for path in (workplace / "output/four/ply").glob("*.ply")) == ["000120.ply", "000140.ply"]
 
 
 def test_events_after_the_end_are_found_and_reported_by_a_run(workplace: Path, capsys) -> None:

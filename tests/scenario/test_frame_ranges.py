@@ -3,7 +3,7 @@
 import pytest
 
 from crowdsim.errors import TakeError
-from crowdsim.scenario.frame_ranges import FrameRange, frame_limit, output_frames, parse_frames, parse_length
+from crowdsim.scenario.frame_ranges import FrameRange, output_frames, parse_frames, parse_length
 
 
 @pytest.mark.parametrize(
@@ -20,11 +20,11 @@ from crowdsim.scenario.frame_ranges import FrameRange, frame_limit, output_frame
         ("1s:70", (60, 70)),
         (": 0.1 s", (0, 6)),
         ("1.5s:", (90, 100)),
-        ("0s:1.7s", (0, 100)),
+        ("0s:1.666s", (0, 100)),
     ],
 )
 def test_a_range_is_half_open_in_frames_or_seconds(text: str, expected: tuple[int, int]) -> None:
-    assert parse_frames(text).resolve(100, 60.0, 104) == expected
+    assert parse_frames(text).resolve(100, 60.0) == expected
 
 
 @pytest.mark.parametrize(
@@ -39,14 +39,14 @@ def test_a_range_is_half_open_in_frames_or_seconds(text: str, expected: tuple[in
         ("5:5", "is empty, expected the first frame before the last"),
         ("2s:1s", "is empty, expected the first frame before the last"),
         ("70:1s", "is empty, expected the first frame before the last"),
-        ("90:101", "there are frames 0 to 99 at 60 fps, 1.73333 s"),
-        ("100:", "there are frames 0 to 99 at 60 fps, 1.73333 s"),
-        ("1s:1.8s", "there are frames 0 to 99 at 60 fps, 1.73333 s"),
+        ("90:101", "there are frames 0 to 99 at 60 fps, 1.66667 s"),
+        ("100:", "there are frames 0 to 99 at 60 fps, 1.66667 s"),
+        ("1s:1.8s", "there are frames 0 to 99 at 60 fps, 1.66667 s"),
     ],
 )
 def test_another_range_is_refused(text: str, message: str) -> None:
     with pytest.raises(TakeError) as caught:
-        parse_frames(text).resolve(100, 60.0, 104)
+        parse_frames(text).resolve(100, 60.0)
     assert str(caught.value) == f"frames {text!r}: {message}"
 
 
@@ -60,6 +60,8 @@ def test_a_length_is_frames_or_seconds() -> None:
 
 
 def test_a_run_lasts_until_its_last_control_frame_ends() -> None:
-    assert output_frames(75, 15.0, 60.0) == 297
-    assert frame_limit(75, 15.0, 60.0) == 300
-    assert FrameRange(0, 5, True, True).resolve(297, 60.0, 300) == (0, 297)
+    assert output_frames(75, 15.0, 60.0) == 300
+    assert output_frames(150, 15.0, 24.0) == 240
+    assert output_frames(150, 15.0, 24000 / 1001) == 240
+    assert output_frames(1, 15.0, 1.0) == output_frames(1, 15.0, 15.0) == 1
+    assert FrameRange(0, 5, True, True).resolve(300, 60.0) == (0, 300)

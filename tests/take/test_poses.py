@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic_take import actions, build_take, database, sampler
+from synthetic_take import NO_EVENTS, actions, build_take, database, sampler
 
 from crowdsim.errors import TakeError
-from crowdsim.motion import quaternion
+from crowdsim.motion import ground, quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.limbs import flexion
 from crowdsim.poses.contacts import body_points, surface_point
@@ -402,7 +402,7 @@ def test_absent_avatars_have_no_pose() -> None:
         assert np.isnan(values[:120, 2]).all()
         assert np.isfinite(values[120:]).all()
         assert np.isfinite(values[:, [0, 1, 3]]).all()
-    assert sampler(replace(take, action=action, x=x), policy).present(2, 0, 200, 60) == 80
+    assert sampler(replace(take, action=action, x=x), policy).present(2, 0, 200, 60).sum() == 80
 
 
 def test_pushes_pass_evenly_over_a_control_frame() -> None:
@@ -428,3 +428,41 @@ def test_policies_of_another_run_are_refused() -> None:
         PoseSampler(replace(take, fingerprints=("abc",)), [policy])
     with pytest.raises(TakeError, match="0 policies given, the take has 1: boxer"):
         PoseSampler(take, [])
+
+
+def test_motion_goes_on_beyond_the_last_control_frame() -> None:
+    # The first avatar's action ends after 11 of 11.16 control frames; that of the second goes on.
+    first, lengths = np.array([40, 90, 200]), np.array([11, 12, 30])
+    long, policy = build_take([[0, 1, 2], [2]], first, lengths, 24, speeds=[0.95, 0.9])
+    recorded = ("action", "action_frame", "x", "z", "heading", "opponent", "targets")
+    short = replace(long, **{name: getattr(long, name)[:12] for name in recorded})
+    assert short.seconds == 12 / 15
+    assert [short.output_frames(fps) for fps in (15, 24, 60)] == [12, 20, 48]
+    (poses,), (known,) = (sampler(take, policy).sample(0, 48, 60) for take in (short, long))
+    np.testing.assert_allclose(poses.rotations[:, 1], known.rotations[:, 1], atol=1e-5)
+    np.testing.assert_allclose(poses.root_positions[:, 1], known.root_positions[:, 1], atol=1e-5)
+    motion = sampler(short, policy).motions[0].frames
+    frame = (first[0] - 1 + 0.95 * 11.75) * motion.stride
+    low, part = int(frame), frame % 1
+    assert low >= (first[0] - 1 + lengths[0]) * motion.stride
+    local = ground.to_local(poses.ground[47, 0], poses.root_positions[47, 0].astype(float))
+    np.testing.assert_allclose(local, (1 - part) * motion.roots[low] + part * motion.roots[low + 1], atol=1e-4)
+
+
+def test_planted_feet_stay_beyond_the_last_control_frame() -> None:
+    recorded, moved = ("action", "action_frame", "x", "z", "heading", "opponent", "targets"), []
+    for seed in range(6):
+        long, policy = random_take(seed)
+        for frames in (40, 52):
+            take = replace(long, **{name: getattr(long, name)[:frames] for name in recorded}, events=NO_EVENTS)
+            poser, times = sampler(take, policy), np.arange(4 * frames - 4, 4 * frames) / 60
+            window = poser.window(0, np.arange(4), times)
+            playback = window.playback(Moments(np.arange(4), times[:, None]))
+            planted = window.motion.frames.contacts[playback.frames].all(axis=0)
+            (poses,) = poser.sample(4 * frames - 4, 4 * frames, 60)
+            feet = [policy.database.body.roles[f"{side}_toe"] for side in ("left", "right")]
+            steps = np.linalg.norm(np.diff(poses.joints()[0][:, :, feet], axis=0), axis=-1)
+            moved.append(steps[:, planted])
+    found = np.concatenate(moved, axis=1)
+    assert found.shape[1] > 40
+    assert np.median(found, axis=1).max() < 1e-4

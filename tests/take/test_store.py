@@ -323,10 +323,10 @@ def test_a_take_is_never_written_over_another(tmp_path: Path) -> None:
     assert (tmp_path / "other.zarr.partial").is_dir()
 
 
-def test_output_frames_reach_from_the_first_control_frame_to_the_last(tmp_path: Path) -> None:
-    write(tmp_path / "take.zarr", [16]).close()
+def test_output_frames_reach_to_the_end_of_the_last_control_frame(tmp_path: Path) -> None:
+    write(tmp_path / "take.zarr", [15]).close()
     take = open_take(tmp_path)
     assert take.seconds == 1.0
-    assert take.output_frames(60) == 61
-    assert take.output_frames(24) == 25
-    assert take.output_frames(7) == 8
+    assert take.output_frames(60) == 60
+    assert take.output_frames(24) == 24
+    assert take.output_frames(7) == 7

@@ -189,17 +189,17 @@ def _move_pelvis(legs, x, y, z, root, world):
 
 
 @kernel(inline=True)
-def _plant_pose(footing, now, ground, push, low, legs, root, pose, world, asked):
+def _plant_pose(footing, now, until, ground, push, low, legs, root, pose, world, asked):
     """Bring the planted feet of one pose to where they belong.
 
-    The pelvis goes aside by ``push`` and down by ``low``, and as far as is left of a leg that is too short. Returns how
-    far that is.
+    Foot plants are known ``until`` a time [s]; after it they go on as they are then. The pelvis goes aside by ``push``
+    and down by ``low``, and as far as is left of a leg that is too short. Returns how far that is.
     """
     pose_chain(legs, now.sizes, root, pose, world)
     lack, moves = 0.0, now.last > now.first or now.sizes[LEG] != now.scale
     for foot in range(2):
         one, before, other, after, turn, asked.plants[foot] = weigh_plants(
-            footing.plants, now.column, foot, asked.plants[foot], now.time
+            footing.plants, now.column, foot, asked.plants[foot], min(now.time, until)
         )
         # Away from transitions feet are where they are captured, if legs are as long as that.
         held = before + after
@@ -246,7 +246,7 @@ def plant_feet(first, stop, moments, playback, rows, pushes, lows, footing, legs
         np.empty((2, 3)), np.empty(2), np.empty(2), np.empty(2), np.empty(2, np.int64), np.empty(3),
         np.empty((2, 2, 4)), np.empty((2, 2, 4)), np.empty((2, 9)),
     )  # fmt: skip
-    shared = times.shape[1] == 1
+    shared, until = times.shape[1] == 1, (rows.first + rows.phase.shape[0] - 1) / rows.rate
     for i in range(first, stop):
         n = moments.columns[i]
         pace = rows.speeds[n] * footing.motion.rate
@@ -269,4 +269,6 @@ def plant_feet(first, stop, moments, playback, rows, pushes, lows, footing, legs
             now = Instant(n, time, frame, following, part, rows.scales[n], rows.sizes[n], pace, begin, middle, high)
             push, low = spline_at(pushes, time, n), spline_of(lows, time, n)
             root, pose = poses.roots[t, i], poses.rotations[t, i]
-            drops[t, i] = _plant_pose(footing, now, playback.ground[t, i], push, low, legs, root, pose, world, asked)
+            drops[t, i] = _plant_pose(
+                footing, now, until, playback.ground[t, i], push, low, legs, root, pose, world, asked
+            )

@@ -86,7 +86,11 @@ def place_at(rows, motion, time, n):
         moved = min(max((part - began) * speed, 0.0), rows.lengths[after, n])
         frame = rows.origins[after, n] + moved * stride
     else:
-        frame = rows.origins[before, n] + min(rows.phase[before, n] + part * speed, rows.lengths[before, n]) * stride
+        length = rows.lengths[before, n]
+        if after == before:
+            # What comes after the last control frame is not known: motion goes on as captured.
+            length = max(length, (motion.bounds[rows.origins[before, n], 1] - rows.origins[before, n]) / stride)
+        frame = rows.origins[before, n] + min(rows.phase[before, n] + part * speed, length) * stride
     whole = math.floor(frame + SNAP)
     fraction = frame - whole
     if fraction < SNAP:

@@ -1,0 +1,151 @@
+"""Where avatars enter that an event adds: where they are placed, or near it where another avatar is there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.crowd.arrays import Avatars
+from crowdsim.crowd.crowd import Crowd
+from crowdsim.crowd.kernels import layout
+
+REACH = 1.0
+"""How far from its placement an avatar may enter [m]."""
+AGAIN = 5
+"""After how many control frames one that waits tries again."""
+_STANDING, _DOWN = 0.25, 0.75
+"""How far others keep off the middle of an avatar that stands, by its width, and of one that is down [m]."""
+_RINGS, _WAYS, _NEAREST = 4, 12, 16
+"""Positions that are tried: rings up to ``REACH``, and directions; and others that are looked at for each."""
+
+
+class Arrival(NamedTuple):
+    """An avatar that could not enter where it was placed, since another one was there.
+
+    Attributes:
+        avatar: Its number.
+        asked: Control frame in which it was to enter.
+        entered: Control frame in which it did.
+        distance: How far from its placement that was [m].
+    """
+
+    avatar: int
+    asked: int
+    entered: int
+    distance: float
+
+
+def find_entries(crowd: Crowd, avatars: Avatars, present: int, numbers: Array) -> Array:
+    """Return where avatars enter that are not there; the same for any order of storage.
+
+    One that is placed where nobody is enters there, beside those of its own group as they are placed. The others
+    take, in the order of their numbers, the nearest free position within ``REACH`` and the arena that is left.
+
+    Args:
+        crowd: The crowd.
+        avatars: Its avatars.
+        present: How many are there.
+        numbers: Avatars that are to enter, ascending. Shape (n,).
+
+    Returns:
+        Positions, x and z [m]; NaN where there is none. Shape (n, 2).
+    """
+    here = avatars.number[:present]
+    rooms = _STANDING * avatars.motion["width"]
+    points = np.column_stack([avatars.x[:present], avatars.z[:present]])
+    others = rooms[:present].copy()
+    if len(avatars.conditions):
+        others[avatars.conditions["standing"][here] >= layout.DROPS] = _DOWN
+    placed = np.column_stack([crowd.x[numbers], crowd.z[numbers]])
+    own = rooms[avatars.slot_of[numbers]]
+    free = _are_free(placed, own, points, others)
+    free[free] = _are_first(placed[free], own[free], crowd.group[numbers[free]])
+    found = np.where(free[:, None], placed, np.nan)
+    points, others = np.concatenate([points, placed[free]]), np.concatenate([others, own[free]])
+    blocked = np.flatnonzero(~free)
+    if not len(blocked):
+        return found
+    rings, ways = np.arange(1, _RINGS + 1) * REACH / _RINGS, np.arange(_WAYS) * 2.0 * np.pi / _WAYS
+    around = np.concatenate([ring * np.column_stack([np.sin(ways), np.cos(ways)]) for ring in rings])
+    tried = placed[blocked, None] + around
+    free = _are_free(tried.reshape(-1, 2), np.repeat(own[blocked], len(around)), points, others)
+    free &= _are_inside(crowd.arena, tried.reshape(-1, 2))
+    taken: list[int] = []
+    for row, avatar in enumerate(blocked):
+        choices = tried[row][free.reshape(len(blocked), -1)[row]]
+        gaps = np.linalg.norm(choices[:, None] - found[taken], axis=-1)
+        choices = choices[(gaps >= own[avatar] + own[taken]).all(axis=1)]
+        if len(choices):
+            found[avatar] = choices[0]
+            taken.append(int(avatar))
+    return found
+
+
+def describe_arrivals(
+    arrivals: Sequence[Arrival], waiting: Mapping[int, int], frame: int, rate: float, names: Array
+) -> str:
+    """Return in a sentence how avatars entered whose placements were taken, and which are still waiting.
+
+    Args:
+        arrivals: Those that have entered.
+        waiting: Those that have not, and since when [control frames].
+        frame: Control frames that were run.
+        rate: Control frames a second.
+        names: Names of all avatars.
+    """
+    count = len(arrivals) + len(waiting)
+    if not count:
+        return ""
+    moved = [one for one in arrivals if one.distance > 0.0]
+    late = [one for one in arrivals if one.entered > one.asked]
+    parts = []
+    if moved:
+        parts.append(f"{len(moved):,} entered beside it, {max(one.distance for one in moved):.2f} m away at the most")
+    if late:
+        longest = max(one.entered - one.asked for one in late) / rate
+        parts.append(f"{len(late):,} waited for room, {longest:.1f} s at the most")
+    if waiting:
+        longest = (frame - min(waiting.values())) / rate
+        parts.append(f"{len(waiting):,} found none in {longest:.1f} s and never entered")
+    first = names[min([*(one.avatar for one in arrivals), *waiting])]
+    who = f"avatar {first} was" if count == 1 else f"{count:,} avatars, {first} the first of them, were"
+    return f"{who} added where another avatar is: {', '.join(parts)}"
+
+
+def _are_free(places: Array, own: Array, points: Array, others: Array) -> Array:
+    """Return whether avatars that need some room (P,) have it at places (P, 2) among others (m,) at points (m, 2)."""
+    from scipy.spatial import cKDTree
+
+    if not len(points):
+        return np.ones(len(places), bool)
+    widest = float(own.max(initial=0.0) + others.max())
+    most = min(_NEAREST, len(points))
+    distances, which = cKDTree(points).query(places, k=np.arange(1, most + 1), distance_upper_bound=widest)
+    rooms = np.append(others, 0.0)[which]
+    return np.asarray((distances >= own[:, None] + rooms).all(axis=1))
+
+
+def _are_first(points: Array, rooms: Array, groups: Array) -> Array:
+    """Return whether avatars (n,) have room at points (n, 2) among those of other groups that come before them."""
+    from scipy.spatial import cKDTree
+
+    first = np.ones(len(points), bool)
+    if len(np.unique(groups)) > 1:
+        pairs = cKDTree(points).query_pairs(2.0 * float(rooms.max()), output_type="ndarray")
+        gaps = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
+        pairs = pairs[(gaps < rooms[pairs].sum(axis=1)) & (groups[pairs[:, 0]] != groups[pairs[:, 1]])]
+        for one, other in pairs[np.argsort(pairs[:, 1], kind="stable")]:
+            first[other] &= not first[one]
+    return first
+
+
+def _are_inside(arena: Array, points: Array) -> Array:
+    """Return whether points (P, 2) lie in the arena of a crowd (``Crowd.arena``). Shape (P,), bool."""
+    kind, x, z, half_x, half_z = arena
+    dx, dz = np.abs(points - [x, z]).T
+    if kind == layout.CIRCLE:
+        return np.asarray(np.hypot(dx, dz) <= half_x)
+    return np.asarray((dx <= half_x) & (dz <= half_z)) if kind == layout.RECTANGLE else np.ones(len(points), bool)
