@@ -26,6 +26,8 @@ def policy_lines(figures: Figures) -> list[str]:
     lines += section("Falls", falls_text(figures.get("falls")))
     for name, behaviour in figures["behaviours"].items():
         lines += section(f"Behaviour {name}", _behaviour(behaviour))
+    if figures.get("duel"):
+        lines += section("A minute's duel with itself, mean of several", duel_text(figures["duel"]))
     return lines + section("Training", _training(figures["timings"]))
 
 
@@ -86,6 +88,17 @@ def _sides(ways: Sequence[float]) -> str:
     numbers = [round(way / (0.5 * math.pi)) % 4 for way in ways]
     parts = [f"{numbers.count(number)} {name}" for number, name in enumerate(names) if number in numbers]
     return f": {', '.join(parts)}" if parts else ""
+
+
+def duel_text(duel: Figures) -> list[Row]:
+    """Return what came of a policy's duels with itself, of both avatars together."""
+    return [
+        ("strikes", f"{number(duel['thrown'])} a minute, {number(duel['landed'])} of them land"),
+        ("longest wait", f"{time(duel['longest_wait'])} without a strike, {length(duel['waiting_distance'])} apart"),
+        ("turned away", f"{percent(duel['turned_away_share'])} of the time"),
+        ("standing still", f"{percent(duel['still_share'])} of the time, no joint faster than 5 cm/s"),
+        ("distance", f"{length(duel['distance'])} (median)"),
+    ]
 
 
 def _strikes(strikes: Figures) -> list[Row]:

@@ -20,7 +20,7 @@ from crowdsim.commands.common import (
     say,
     talk,
 )
-from crowdsim.commands.policy_text import falls_text
+from crowdsim.commands.policy_text import duel_text, falls_text
 from crowdsim.commands.progress import Bars
 from crowdsim.core.workers import CORES
 from crowdsim.errors import CrowdsimError, MotionError, RunError
@@ -49,7 +49,7 @@ def train(
     from crowdsim import assets
     from crowdsim.compilation import watch_compilation
     from crowdsim.policy.bundle import read_document, read_timings
-    from crowdsim.preparation.prepare import shared_bundle
+    from crowdsim.preparation.prepare import shared_bundle, table_type_of
     from crowdsim.self_play.train import train_recipe
     from crowdsim.training.summary import summarise
     from crowdsim.training.train import is_trained
@@ -60,7 +60,8 @@ def train(
     try:
         capture = None if written else mocap
         shared = None if force else shared_bundle(chosen, capture)
-        uses = ["training"] if force or (shared is None and not is_trained(chosen, capture)) else []
+        trains = force or (shared is None and not is_trained(chosen, capture))
+        uses = ["training", f"few {table_type_of([chosen])}"] if trains else []
         with Bars() as bars, watch_compilation(bars.note, uses, threads) as compilation:
             folder, trained = (shared, False) if shared else train_recipe(chosen, capture, threads, force, bars)
     except MotionError as error:
@@ -150,6 +151,10 @@ def _print_summary(summary: dict[str, Any]) -> None:
     print(f"  speed       follows a target at up to {summary['sustained_speed']:.1f} m/s")
     for name, success in summary["success"].items():
         print(f"  {name:<10}  {_success_text(success)}")
+    if summary["duel"] is not None:
+        print("  duel        with itself, of a minute, mean of several")
+        for row, text in duel_text(summary["duel"]):
+            print(f"    {row:<16}{text}")
     weaknesses = summary["weaknesses"]
     print(f"  weaknesses  {len(weaknesses) or 'none found'}")
     for weakness in weaknesses:

@@ -100,6 +100,20 @@ class RestFigures(OpenModel):
     cost_most: Number
 
 
+class DuelFigures(OpenModel):
+    """What is reported of duels of the policy with itself, see ``self_play.grading.Duels``."""
+
+    seconds: Number
+    thrown: Number
+    landed: Number
+    longest_wait: Number
+    turned_away_share: Number
+    still_share: Number
+    distance: Number
+    waiting_distance: Number
+    waiting_actions: Count
+
+
 class Statistics(OpenModel):
     """What is reported of a policy, see ``training.statistics.policy_statistics``."""
 
@@ -111,6 +125,7 @@ class Statistics(OpenModel):
     strikes: StrikeFigures | None = None
     falls: FallFigures | None = None
     rests: RestFigures | None = None
+    duel: DuelFigures | None = None
 
     @model_validator(mode="after")
     def _strikes_are_there(self) -> Statistics:

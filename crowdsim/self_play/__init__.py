@@ -1,1 +1,1 @@
-"""Sparring: what is learned in fights between avatars, with the control that runs them."""
+"""Sparring: what is learned in fights between avatars, and how well a policy fights, by the control that runs them."""

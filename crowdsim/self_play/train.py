@@ -1,4 +1,4 @@
-"""Training whole recipes, ``defend`` included: ``training.train`` with fights between avatars."""
+"""Training whole recipes, with fights between avatars: ``defend``, and the duels that a policy is graded by."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ def train_recipe(
 
     Arguments and errors are those of ``training.train.train_recipe``.
     """
+    from crowdsim.self_play.grading import grade_policy
     from crowdsim.self_play.learning import learn_defence
 
-    return train.train_recipe(name, mocap, threads, force, progress, learn_defence)
+    return train.train_recipe(name, mocap, threads, force, progress, learn_defence, grade_policy)
 
 
 def ready_policy(
@@ -34,6 +35,7 @@ def ready_policy(
 
     Arguments and errors are those of ``training.train.ready_policy``.
     """
+    from crowdsim.self_play.grading import grade_policy
     from crowdsim.self_play.learning import learn_defence
 
-    return train.ready_policy(name, mocap, threads, progress, learn_defence)
+    return train.ready_policy(name, mocap, threads, progress, learn_defence, grade_policy)

@@ -26,7 +26,8 @@ def summarise(statistics: Mapping[str, Any], recipe: Path) -> dict[str, Any]:
         height, mirror images left out, and the share that the graph keeps. ``states`` and ``actions`` of the graph.
         ``reach``: distances from which strikes reach a head, and heights of fists and feet
         [m]; None without strikes. ``falls``: directions of falls and staggers [rad]; None without falls.
-        ``sustained_speed`` [m/s]. ``success`` of each behaviour. ``weaknesses``: what, and what to do about it.
+        ``sustained_speed`` [m/s]. ``success`` of each behaviour. ``duel``: what comes of duels with itself
+        (``self_play.grading.Duels``); None where none were fought. ``weaknesses``: what, and what to do about it.
         ``named``: whether scenarios find the policy. ``next``: a command to type.
     """
     motion, graph, strikes = statistics["motion"], statistics["graph"], statistics.get("strikes")
@@ -43,6 +44,7 @@ def summarise(statistics: Mapping[str, Any], recipe: Path) -> dict[str, Any]:
         "falls": statistics.get("falls"),
         "sustained_speed": statistics["sustained_speed"],
         "success": {name: facts["success"] for name, facts in statistics["behaviours"].items()},
+        "duel": statistics.get("duel"),
         "weaknesses": [asdict(weakness) for weakness in find_weaknesses(statistics)],
         "named": is_named(recipe),
         "next": next_command(recipe),

@@ -35,6 +35,8 @@ from crowdsim.training.solution import Solution
 
 Sparring = Callable[[Policy, DefenceSpec, float, Progress | None], Array]
 """Returns what avatars of a policy learn about defence, by a section of its recipe and the behaviour's weight."""
+Grading = Callable[[Policy, Progress | None], dict[str, Any]]
+"""Returns how a policy fights itself, plain data."""
 
 
 def train_recipe(
@@ -44,6 +46,7 @@ def train_recipe(
     force: bool = False,
     progress: Progress | None = None,
     spar: Sparring | None = None,
+    grade: Grading | None = None,
 ) -> tuple[Path, bool]:
     """Train a recipe into its bundle, unless that is up to date; return its folder, and whether it was trained.
 
@@ -56,6 +59,7 @@ def train_recipe(
         force: Train even when the bundle is up to date.
         progress: Called with (stage, done, total).
         spar: Learns the behaviour ``defend``, for recipes that ask for it (``self_play``).
+        grade: Lets the policy fight itself when it is trained (``self_play``); without it nothing is known of that.
 
     Raises:
         RecipeError: The recipe is invalid.
@@ -80,7 +84,7 @@ def train_recipe(
                 with limited(threads), under_way():
                     unpack_policy(packed, folder, progress)
                 return folder, False
-            policy, timings = train_policy(recipe, path.stem, mocap, threads, progress, spar)
+            policy, timings = train_policy(recipe, path.stem, mocap, threads, progress, spar, grade)
             with under_way():
                 bundle.write_bundle(folder, policy, timings)
     return folder, True
@@ -92,6 +96,7 @@ def ready_policy(
     threads: int = 1,
     progress: Progress | None = None,
     spar: Sparring | None = None,
+    grade: Grading | None = None,
 ) -> Policy:
     """Return the trained policy of a recipe or a bundle by path or name; trained first when it is missing or stale.
 
@@ -110,7 +115,7 @@ def ready_policy(
         assets.find_recipe(name)
     except RecipeError:
         return bundle.load_policy(assets.find_bundle(name))
-    folder, _ = train_recipe(name, mocap, threads, False, progress, spar)
+    folder, _ = train_recipe(name, mocap, threads, False, progress, spar, grade)
     return bundle.load_policy(folder)
 
 
@@ -196,6 +201,7 @@ def train_policy(
     threads: int = 1,
     progress: Progress | None = None,
     spar: Sparring | None = None,
+    grade: Grading | None = None,
 ) -> tuple[Policy, dict[str, Any]]:
     """Return a policy trained by a recipe, and what training took: seconds by stage and by behaviour.
 
@@ -244,6 +250,10 @@ def train_policy(
         statistics = statistics if seconds is None else with_rests(statistics, graph, rests)
         policy = replace(policy, statistics=statistics, graph=graph, actions=actions, falls=falls, rests=rests)
         policy = _with_defence(policy, recipe, spar, timings, progress)
+        if grade is not None:
+            begun = time.perf_counter()
+            policy = replace(policy, statistics={**policy.statistics, "duel": grade(policy, progress)})
+            timings["duel"] = time.perf_counter() - begun
     return policy, timings
 
 

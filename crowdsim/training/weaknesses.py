@@ -26,6 +26,20 @@ SUCCESS = 0.9
 """Share of trials in which a behaviour should succeed."""
 BEHIND = 0.15
 """How much lower the share of success may be where the target is behind at first."""
+LANDED = 8.0
+"""Strikes that should land in a minute of a duel, of both together."""
+WAIT = 12.0
+"""Longest time in which a duel may go without a strike [s]."""
+TURNED_AWAY = 0.05
+"""Share of the time in which an avatar may have its opponent behind it."""
+STANDING = 0.1
+"""Share of the time in which an avatar may stand still."""
+OUT_OF_REACH = 0.25
+"""How much further than strikes reach a head an opponent is that they do not reach, a step included [m]."""
+STEPS = 0.2
+"""Speed of a body that hardly steps [m/s]."""
+FEW_ACTIONS = 4
+"""Different actions in a long wait up to which they repeat themselves."""
 _NAMED = 3
 
 
@@ -49,6 +63,7 @@ def find_weaknesses(statistics: Mapping[str, Any]) -> list[Weakness]:
         *_of_strikes(statistics),
         *_of_travel(statistics),
         *_of_behaviours(statistics),
+        *_of_duels(statistics),
     ]
 
 
@@ -129,3 +144,43 @@ def _of_behaviours(statistics: Mapping[str, Any]) -> Iterator[Weakness]:
             )
         if not facts["converged"]:
             yield Weakness(f"{name} was not learned to its tolerance", "raise its solver's max_sweeps")
+
+
+def _of_duels(statistics: Mapping[str, Any]) -> Iterator[Weakness]:
+    duel = statistics.get("duel")
+    if duel is None:
+        return
+    cause, advice = _cause_of_waiting(statistics, duel)
+    if duel["still_share"] > STANDING:
+        yield Weakness(f"stands still in {duel['still_share']:.0%} of the time of a duel: {cause}", advice)
+    elif statistics["motion"]["strikes"] and duel["longest_wait"] > WAIT:
+        yield Weakness(f"a duel has no strike for {duel['longest_wait']:.0f} s: {cause}", advice)
+    elif statistics["motion"]["strikes"] and duel["landed"] < LANDED:
+        yield Weakness(
+            f"few strikes land in a minute of a duel: {duel['landed']:.1f} of {duel['thrown']:.1f}",
+            "add clips with strikes to more sides, and of steps that lead up to them",
+        )
+    if duel["turned_away_share"] > TURNED_AWAY:
+        yield Weakness(
+            f"turned away from its opponent in {duel['turned_away_share']:.0%} of the time of a duel",
+            "add clips of turning round, or raise the weight of the reward for having the target ahead",
+        )
+
+
+def _cause_of_waiting(statistics: Mapping[str, Any], duel: Mapping[str, Any]) -> tuple[str, str]:
+    """Return why avatars of a policy do not strike in a duel, and what would help."""
+    strikes, apart, speed = statistics.get("strikes"), duel["waiting_distance"], statistics["sustained_speed"]
+    if strikes is not None and apart > strikes["striking_range"][1] + OUT_OF_REACH:
+        near, far = strikes["striking_range"]
+        what = f"the two are {apart:.1f} m apart, and strikes reach {near:.1f} to {far:.1f} m"
+        if speed < STEPS:
+            return (
+                f"{what}; the motion has hardly any steps",
+                "add clips of steps and turns in the stance of the strikes",
+            )
+        return what, "add clips of steps that end in the stance of the strikes"
+    if duel["waiting_actions"] <= FEW_ACTIONS:
+        what = f"it repeats {duel['waiting_actions']} actions, out of which no way leads that is worth as much"
+        return what, "add clips that begin and end in that stance, or raise graph.threshold"
+    what = f"the two are {apart:.1f} m apart, where keeping the distance is worth more than striking"
+    return what, "raise the weight of strikes in the behaviour, or add clips of steps that lead up to strikes"

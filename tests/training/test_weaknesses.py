@@ -14,12 +14,17 @@ GOOD = {
     "graph": {"branching": 7.0, "threshold": 0.25},
     "strikes": {
         "reach": {"height": [1.0, 1.5]},
+        "striking_range": [0.8, 0.9],
         "used_share": 0.9,
         "by_hand": {"left": 20, "right": 20},
         "by_kind": {"straight": 20, "hook": 15, "uppercut": 5},
         "by_height": {"head": 30, "body": 10},
     },
     "sustained_speed": 1.5,
+    "duel": {
+        "seconds": 60.0, "thrown": 40.0, "landed": 20.0, "longest_wait": 4.0, "turned_away_share": 0.01,
+        "still_share": 0.0, "distance": 0.9, "waiting_distance": 0.9, "waiting_actions": 12,
+    },
     "behaviours": {
         "fight": {
             "converged": True,
@@ -33,7 +38,7 @@ GOOD = {
 }  # fmt: skip
 
 
-def weaknesses_of(*changes):
+def changed(*changes):
     result = copy.deepcopy(GOOD)
     for path, value in changes:
         *keys, last = path.split(".")
@@ -41,7 +46,11 @@ def weaknesses_of(*changes):
         for key in keys:
             place = place[key]
         place[last] = value
-    return [weakness.what for weakness in find_weaknesses(result)]
+    return result
+
+
+def weaknesses_of(*changes):
+    return [weakness.what for weakness in find_weaknesses(changed(*changes))]
 
 
 def test_a_good_policy_has_no_weakness():
@@ -68,6 +77,14 @@ def test_a_good_policy_has_no_weakness():
         ("behaviours.fight.success.share_behind", 0.3,
          "fight lands a strike in only 30% of trials where the target is behind at first"),
         ("behaviours.fight.converged", False, "fight was not learned to its tolerance"),
+        ("duel.landed", 3.0, "few strikes land in a minute of a duel: 3.0 of 40.0"),
+        ("duel.turned_away_share", 0.09, "turned away from its opponent in 9% of the time of a duel"),
+        ("duel.longest_wait", 24.0,
+         "a duel has no strike for 24 s: the two are 0.9 m apart, where keeping the distance is worth more than "
+         "striking"),
+        ("duel.still_share", 0.84,
+         "stands still in 84% of the time of a duel: the two are 0.9 m apart, where keeping the distance is worth more "
+         "than striking"),
     ],
 )  # fmt: skip
 def test_each_weakness_is_found_by_its_figure(path, value, what):
@@ -87,3 +104,27 @@ def test_motion_without_strikes_is_a_weakness_of_its_own():
     assert weaknesses_of(("motion.strikes", 4), ("strikes.by_height.head", 2)) == [
         "few strikes: 4, which soon repeat themselves"
     ]
+
+
+@pytest.mark.parametrize(
+    ("changes", "cause", "advice"),
+    [
+        ([("duel.waiting_distance", 1.9), ("sustained_speed", 0.1)],
+         "the two are 1.9 m apart, and strikes reach 0.8 to 0.9 m; the motion has hardly any steps",
+         "add clips of steps and turns in the stance of the strikes"),
+        ([("duel.waiting_distance", 1.9)],
+         "the two are 1.9 m apart, and strikes reach 0.8 to 0.9 m",
+         "add clips of steps that end in the stance of the strikes"),
+        ([("duel.waiting_actions", 2)],
+         "it repeats 2 actions, out of which no way leads that is worth as much",
+         "add clips that begin and end in that stance, or raise graph.threshold"),
+    ],
+)  # fmt: skip
+def test_the_cause_of_standing_still_is_named(changes, cause, advice):
+    found = find_weaknesses(changed(("duel.still_share", 0.9), *changes))
+    weakness = next(one for one in found if one.what.startswith("stands still"))
+    assert (weakness.what, weakness.advice) == (f"stands still in 90% of the time of a duel: {cause}", advice)
+
+
+def test_a_policy_that_was_never_graded_has_no_weakness_of_duels():
+    assert weaknesses_of(("duel", None)) == []
