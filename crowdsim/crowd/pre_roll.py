@@ -7,6 +7,7 @@ scenario places them, in the middle of what they do. Draws have a stream of thei
 from __future__ import annotations
 
 from dataclasses import replace
+
 import numpy as np
 
 from crowdsim.core.types import Array
