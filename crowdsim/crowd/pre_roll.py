@@ -6,49 +6,44 @@ scenario places them, in the middle of what they do. Draws have a stream of thei
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars
+from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.random import Purpose, stream
 
-if TYPE_CHECKING:
-    from crowdsim.crowd.simulation import Simulation
 
-
-def roll_in(simulation: Simulation, threads: int) -> Array:
-    """Put the avatars of a simulation into the motion of a pre-roll, at the places where they start.
-
-    Returns:
-        Slots of those that are about to strike, and begin as without a pre-roll. Shape (K,), int32.
-    """
-    crowd = simulation.crowd
-    before = replace(
+def on_guard(crowd: Crowd) -> Crowd:
+    """Return a crowd as it is in its pre-roll: nothing hurts, changes or ends it, and everyone rests after strikes."""
+    return replace(
         crowd,
         pre_roll=0,
         seed=int(stream(crowd.seed, Purpose.PRE_ROLL)),
         intervals=np.maximum(crowd.intervals, 1.0),
-        rules=np.zeros_like(crowd.rules),  # nothing hurts
+        rules=np.zeros_like(crowd.rules),
         changes=(),
         until=None,
         frames=crowd.pre_roll,
     )
-    with type(simulation)(before, threads, model=simulation.model) as rolled:
-        rolled.avatars.fight["rested"] = math.inf  # strikes cost everyone as much as after a burst
-        rolled.run(crowd.pre_roll)
-    numbers = simulation.avatars.number[: simulation.present]
-    strikes = rolled.avatars.motion["pending"][rolled.avatars.slot_of[numbers]] != layout.NO_STRIKE
-    _take_over(simulation.avatars, rolled.avatars, np.flatnonzero(~strikes))
-    return np.flatnonzero(strikes).astype(np.int32)
 
 
-def _take_over(avatars: Avatars, rolled: Avatars, slots: Array) -> None:
-    """Let avatars go on with what those of a pre-roll do, at the places where they are."""
+def take_over(avatars: Avatars, rolled: Avatars, present: int) -> Array:
+    """Let avatars go on with what those of a pre-roll do, at the places where they are.
+
+    Args:
+        avatars: The avatars.
+        rolled: Those of the pre-roll.
+        present: How many are there, the first ones.
+
+    Returns:
+        Slots of those that are about to strike, and begin as without a pre-roll. Shape (K,), int32.
+    """
+    strikes = rolled.motion["pending"][rolled.slot_of[avatars.number[:present]]] != layout.NO_STRIKE
+    slots = np.flatnonzero(~strikes)
     numbers = avatars.number[slots]
     source = rolled.slot_of[numbers]
     motion, playback = rolled.motion[source], rolled.playback[source]
@@ -65,3 +60,4 @@ def _take_over(avatars: Avatars, rolled: Avatars, slots: Array) -> None:
     avatars.opponent[slots], avatars.shown[numbers] = rolled.opponent[source], rolled.shown[numbers]
     for name in ("piece", "does", "does_next") if len(avatars.conditions) else ():
         avatars.conditions[name][numbers] = rolled.conditions[name][numbers]
+    return np.flatnonzero(strikes).astype(np.int32)

@@ -25,7 +25,7 @@ from crowdsim.crowd.kernels.records import COHORT, RULE, records
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import Index, build_index
 from crowdsim.crowd.outcome import Outcome, find_outcome
-from crowdsim.crowd.pre_roll import roll_in
+from crowdsim.crowd.pre_roll import on_guard, take_over
 from crowdsim.crowd.progress import Agenda, Progress
 from crowdsim.crowd.random import Purpose, stream
 from crowdsim.crowd.script import Change, target_positions
@@ -108,7 +108,10 @@ class Simulation:
         )
         self._agenda = Agenda(crowd, Progress(crowd, self.avatars, self._world))
         if crowd.pre_roll and self.present:
-            self._fresh = roll_in(self, threads)
+            with Simulation(on_guard(crowd), threads, model=self.model) as rolled:
+                rolled.avatars.fight["rested"] = np.inf  # strikes cost everyone as much as after a burst
+                rolled.run(crowd.pre_roll)
+            self._fresh = take_over(self.avatars, rolled.avatars, self.present)
 
     @property
     def nbytes(self) -> int:
