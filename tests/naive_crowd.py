@@ -1,6 +1,7 @@
 """Control, slow and plain: one avatar after another, one frame after another, straight from the definitions."""
 
 import math
+from functools import lru_cache
 from itertools import product
 from types import SimpleNamespace
 
@@ -35,6 +36,18 @@ from crowdsim.motion import ground
 from crowdsim.motion.kinematics import forward_kinematics
 
 
+def once(function):
+    """Let a function work out only once what it says of an object, which stays in memory as long as that is known."""
+    known = {}
+
+    def remembered(one):
+        if id(one) not in known:
+            known[id(one)] = one, function(one)
+        return known[id(one)][1]
+
+    return remembered
+
+
 class Avatar:
     """An avatar, with the policy's own numbers for states and actions."""
 
@@ -50,8 +63,9 @@ class Avatar:
         self.astray = stance_actions(self.policy)[:, self.stance - 1] if self.stance else np.zeros(actions.state_count)
         self.calm = calm_shares(self.policy)
         self.ways = ways_to_halt(actions)
+        self.space = space_of(self.policy)
         with_entry = [s for s in range(actions.state_count) if (actions.next == s).any()]
-        far = [float(np.hypot(*self.ways[s][:2])) for s in with_entry]
+        far = [float(np.hypot(*self.ways[s][1][:2])) for s in with_entry]
         with_entry = [s for s, brake in zip(with_entry, far, strict=True) if brake <= max(AT_REST, min(far))]
         with_entry = [s for s in with_entry if self.astray[s] == 0] or with_entry
         self.state = with_entry[int(float(uniform(crowd.seed, Purpose.START, number)) * len(with_entry))]
@@ -78,6 +92,7 @@ class Avatar:
     def place(self, action, phase):
         return self.policy.database.stride * (float(self.policy.graph.action_first[action]) - 1 + phase)
 
+    @lru_cache(maxsize=1000)  # noqa: B019
     def displacement(self, action, phase):
         """Ground transform since the action's start, scaled."""
         rows = self.policy.database.ground
@@ -95,9 +110,13 @@ class Avatar:
     def stands(self):
         return ground.compose(self.start, self.displacement(self.action, min(self.phase, self.length)))
 
+    def end(self):
+        """Where its action ends."""
+        return ground.compose(self.start, self.displacement(self.action, self.length))
+
     def halt_of(self, action, start):
         """Where it can halt after an action."""
-        _, way = _go_on(self.policy.actions, action, [(0.0, way) for way in self.ways])
+        _, way = _go_on(self.policy.actions, action, self.ways)
         return ground.compose(start, way * [self.scale, self.scale, 1.0])
 
     def meanwhile(self, share):
@@ -116,6 +135,7 @@ class Avatar:
         return ground.to_world(stands, at(getattr(self.policy.database, name), self.place(action, phase)) * self.scale)
 
 
+@once
 def calm_shares(policy):
     """Share of the frames of each action in which the joints are slow on the average."""
     database, graph = policy.database, policy.graph
@@ -135,13 +155,14 @@ def calm_shares(policy):
     return np.array([np.mean(found[first : first + length]) for first, length in spans])
 
 
+@once
 def ways_to_halt(actions):
-    """Ground transform, from each state, of where a body is that goes on from there as little as it can."""
+    """Ground transform, from each state, of where a body is that goes on as little as it can; a 0 before each."""
     ways = [(0.0, np.zeros(3))] * actions.state_count
     for _ in range(BRAKING):
         ways = [min((_go_on(actions, a, ways) for a in range(*actions.offsets[s : s + 2])), key=lambda way: way[0])
                 for s in range(actions.state_count)]  # fmt: skip
-    return [way for _, way in ways]
+    return [(0.0, way) for _, way in ways]
 
 
 def _go_on(actions, action, ways):
@@ -383,7 +404,7 @@ def strikes_air(one, other, action, mine):
     actions = one.policy.actions
     fist = actions.strike_positions[actions.strike_offsets[action]].astype(float) * one.scale
     point = ground.to_world(mine, fist)[[0, 2]]
-    begin, end = other.stands()[:2], ground.compose(other.start, other.displacement(other.action, other.length))[:2]
+    begin, end = other.stands()[:2], other.end()[:2]
     way = end - begin
     share = np.clip((point - begin) @ way / max(way @ way, 1e-12), 0.0, 1.0)
     return np.linalg.norm(point - begin - share * way) > AIR
@@ -410,18 +431,18 @@ def crowding(one, action, mine, near, positions, crowd, opponent):
     left_over = min(one.phase - one.length, one.speed)
     frames = max(float(one.policy.actions.lengths[action]) - left_over, 0.0) / one.speed
     end = ground.compose(mine, one.policy.actions.displacements[action] * [one.scale, one.scale, 1.0])
-    worst = 0.0
+    halt, worst = one.halt_of(action, mine), 0.0
     for other in near:
         now = positions[other.number]
         left = (other.length - other.phase) / other.speed
         share = min(frames / left, 1.0) if left > 0 else 1.0
-        then = now + share * (ground.compose(other.start, other.displacement(other.action, other.length)) - now)
-        space = 0.5 * (space_of(one.policy) + space_of(other.policy))
+        then = now + share * (other.end() - now)
+        space = 0.5 * (one.space + other.space)
         if opponent != other.number and other.opponent != one.number:
             space *= BYSTANDERS
         room = rules.radius * (one.width + other.width) + rules.gap * space
         before, after = (now - mine)[:2], (then - end)[:2]
-        halted = (other.halts - one.halt_of(action, mine))[:2]
+        halted = (other.halts - halt)[:2]
         worst = max(worst, rules.end * space * (1 - float(np.hypot(*after)) / room))
         worst = max(worst, rules.end * space * (1 - nearest_approach(after, halted)[0] / (HALTED * room)))
         passing, t = nearest_approach(before, after)
@@ -462,6 +483,7 @@ def twin_of(one, action):
     return one.first_state + int(one.policy.actions.next[action]) % captured
 
 
+@once
 def space_of(policy):
     """Share of the gap between bodies that short strikes leave."""
     return min(1.0, np.median(np.hypot(*policy.database.strike_positions.astype(float).T[[0, 2]])) / FULL_REACH)

@@ -1,5 +1,7 @@
 """Legs of avatars where their actions end, and whether they meet; slow and plain."""
 
+from functools import lru_cache
+
 import numpy as np
 from naive_separation import distance
 
@@ -8,8 +10,9 @@ from crowdsim.motion import ground, quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 
 
-def legs(one, action, end):
-    """Knee and sole of both legs in the world [m], where an action ends. Shape (2, 2, 3)."""
+@lru_cache(maxsize=1000)
+def legs(one, action):
+    """Knee and sole of both legs, seen from the ground frame in which an action ends [m]. Shape (2, 2, 3)."""
     database, body = one.policy.database, one.policy.database.body
     frame = int(one.policy.graph.state_frames[one.policy.actions.next[action]]) * database.stride
     positions, rotations = forward_kinematics(
@@ -21,18 +24,18 @@ def legs(one, action, end):
         points[leg, 0] = positions[0, body.roles[f"{side}_knee"]]
         sole = body.sole_offsets[leg].mean(axis=0)
         points[leg, 1] = positions[0, foot] + quaternion.rotate(rotations[0, foot].astype(float), sole)
-    return ground.to_world(end, ground.to_local(database.ground[frame], points) * one.scale)
+    return ground.to_local(database.ground[frame], points) * one.scale
 
 
 def crosses_legs(one, action, mine, near):
     """Whether an action ends with a leg in one of a neighbour that has ended its own action."""
     end = ground.compose(mine, one.policy.actions.displacements[action] * [one.scale, one.scale, 1.0])
+    own = ground.to_world(end, legs(one, action))
     for other in near:
-        its = ground.compose(other.start, other.displacement(other.action, other.length))
-        if np.hypot(*(its - end)[:2]) > WITHIN:
-            continue
-        for own in legs(one, action, end):
-            for their in legs(other, other.action, its):
-                if distance(*own, *their) < APART * 0.5 * (one.scale + other.scale):
-                    return True
+        its = other.end()
+        if np.hypot(*(its - end)[:2]) <= WITHIN:
+            their = ground.to_world(its, legs(other, other.action))
+            apart = min(distance(*leg, *another) for leg in own for another in their)
+            if apart < APART * 0.5 * (one.scale + other.scale):
+                return True
     return False

@@ -18,10 +18,9 @@ def distance(p, q, r, s):
     found = [distance_to_point(p, q, r), distance_to_point(p, q, s)]
     found += [distance_to_point(r, s, p), distance_to_point(r, s, q)]
     ways = np.stack([q - p, r - s], axis=1)
-    if np.linalg.matrix_rank(ways) == 2:
-        shares = np.linalg.lstsq(ways, r - p, rcond=None)[0]
-        if (shares >= 0.0).all() and (shares <= 1.0).all():
-            found.append(float(np.linalg.norm(p + ways @ shares - r)))
+    shares, _, rank, _ = np.linalg.lstsq(ways, r - p, rcond=None)
+    if rank == 2 and (shares >= 0.0).all() and (shares <= 1.0).all():
+        found.append(float(np.linalg.norm(p + ways @ shares - r)))
     return min(found)
 
 
@@ -36,10 +35,9 @@ def nearest(p, q, r, s):
         (along(p, u, r + end * v), end) for end in (0.0, 1.0)
     ]
     ways = np.stack([u, -v], axis=1)
-    if np.linalg.matrix_rank(ways) == 2:
-        shares = np.linalg.lstsq(ways, r - p, rcond=None)[0]
-        if (shares >= 0.0).all() and (shares <= 1.0).all():
-            found.append(tuple(shares))
+    shares, _, rank, _ = np.linalg.lstsq(ways, r - p, rcond=None)
+    if rank == 2 and (shares >= 0.0).all() and (shares <= 1.0).all():
+        found.append(tuple(shares))
     return min(found, key=lambda shares: np.linalg.norm(p + shares[0] * u - r - shares[1] * v))
 
 
