@@ -202,8 +202,11 @@ class Deflection(Reader):
             limbs.weights[block.which[:, None], own] = weights
         order = np.argsort(capsules.starts[:, :, 0, 0], axis=1, kind="stable")
         ranks, columns = np.argsort(order, axis=1, kind="stable"), np.searchsorted(near, asked)
+        # Those near one another come after one another, since they read the same.
+        along = np.argsort(ranks[len(times) // 2, columns])
+        columns = columns[along]
         share(len(times) * len(asked), deflect_limbs, capsules, limbs, order, ranks, columns, moves, threads=threads)
-        return moves
+        return moves[:, np.argsort(along)]
 
 
 class SecondDeflection(Deflection):
