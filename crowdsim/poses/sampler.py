@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 
 _BLOCK, _AROUND = 8.0, 3.0
 """Length of stretches that are searched for buried fists at once, and how far around what is posed [s]."""
+_AT_ONCE = 4096
+"""Strikes whose victims are looked at at once, about."""
 _NECK, _NEAR = 0.3, 0.05
 """Where necks are between head and pelvis, and how near fists that miss may be to be looked at closely [m]."""
 
@@ -270,9 +272,11 @@ class PoseSampler:
 
     def _placed(self, avatars: Array, times: Array) -> Iterator[tuple[Array, PoseMotion, Array, Playback]]:
         """Return where avatars (E,) are at times (E,): which of them, their motion, sizes of bones and playback."""
-        for which, policy, numbers, moments in self.poser.moments(avatars, times):
-            window = self.poser.window(policy, numbers, moments.times, 0.0)
-            yield which, window.motion, window.rows.sizes[moments.columns], window.playback(moments)
+        # Of many avatars few are needed at any time.
+        for some in np.array_split(np.argsort(times), len(times) // _AT_ONCE + 1):
+            for which, policy, numbers, moments in self.poser.moments(avatars[some], times[some]):
+                window = self.poser.window(policy, numbers, moments.times, 0.0)
+                yield some[which], window.motion, window.rows.sizes[moments.columns], window.playback(moments)
 
     def moments(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
         """Pose avatars (E,) at times (E,), each at its own.
