@@ -102,14 +102,17 @@ class Layer:
         looks: How long before and after its time it reads them [s].
         hops: Up to how many hops away it counts.
         size: How far this layer, and all layers of a smaller size, can move any point of a body in total [m]; measured.
+        reading: Likewise, how far it matters that others are read with more than their blends; ``reading_of`` its name
+            stands for that where layers are left out.
     """
 
     name: ClassVar[str]
     reach: ClassVar[float] = 0.0
-    needs: ClassVar[tuple[str, ...]] = ()
+    needs: tuple[str, ...] = ()
     looks: ClassVar[tuple[float, float]] = (0.0, 0.0)
     hops: ClassVar[int] = EVERYWHERE
     size: ClassVar[float] = math.inf
+    reading: ClassVar[float] = math.inf
 
     def __init__(self, poser: Scheduler) -> None:
         self.poser = poser
@@ -122,6 +125,11 @@ class Layer:
 
     def apply(self, part: Part, poses: Posed) -> None:
         """Add the layer to poses, in place; ``part.plans[self.name]`` is what was planned."""
+
+
+def reading_of(name: str) -> str:
+    """Return the name under which what a layer reads of others is left out, but for their blends."""
+    return f"{name} of others"
 
 
 class Block(NamedTuple):

@@ -15,7 +15,7 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.record import TakeData
 from crowdsim.poses.hits import Landed, find_landed
 from crowdsim.poses.kernels.records import Moments, Posed
-from crowdsim.poses.layer import Block, Joints, Layer, Part, Reader
+from crowdsim.poses.layer import Block, Joints, Layer, Part, Reader, reading_of
 from crowdsim.poses.layers import LAYERS
 from crowdsim.poses.layers.blend import Blend
 from crowdsim.poses.motion import PoseMotion
@@ -40,7 +40,7 @@ class Poser:
         motions: The motion of each of its policies.
         threads: Threads that share the work.
         reactions: Whether landed strikes move those whom they hit.
-        without: Names of layers to leave out, also where a layer reads other avatars.
+        without: Names of layers to leave out, also where a layer reads other avatars, and ``reading_of`` others.
         base: A poser of the same take with all layers; those that read none that is left out are shared with it.
         kinds: The layers, in the order in which they are added.
 
@@ -60,13 +60,15 @@ class Poser:
     ) -> None:
         self.take, self.motions, self.reactions, self._threads = take, motions, reactions, threads
         self.landed: Landed = find_landed(take)
-        self._places = {kind.name: place for place, kind in enumerate(kinds)}
+        self._places = {name: place for place, kind in enumerate(kinds) for name in (kind.name, reading_of(kind.name))}
         self.layers: dict[str, Layer] = {}
         for kind in kinds:
-            last = max((self._places[need] for need in kind.needs), default=-1)
-            shares = base is not None and all(self._places[name] > last for name in without)
+            last, blind = max((self._places[need] for need in kind.needs), default=-1), reading_of(kind.name) in without
+            shares = base is not None and not blind and all(self._places[name] > last for name in without)
             if kind.name not in without:
                 self.layers[kind.name] = base.layers[kind.name] if base is not None and shares else kind(self)
+            if blind and kind.name not in without:
+                self.layers[kind.name].needs = (Blend.name,)
         self._last = kinds[-1].name
         # How long before and after a time layers of others are read, one by way of another.
         self._read = {name: (0.0, 0.0) for name in self.layers}

@@ -27,7 +27,7 @@ from crowdsim.poses.hits import find_landed
 from crowdsim.poses.kernels.columns import TRUNK
 from crowdsim.poses.kernels.records import Playback, Posed
 from crowdsim.poses.known_actions import with_known_actions
-from crowdsim.poses.layer import Block
+from crowdsim.poses.layer import Block, reading_of
 from crowdsim.poses.layers import LAYERS
 from crowdsim.poses.motion import PoseMotion, prepare_motion
 from crowdsim.poses.poser import Poser
@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 
 _BLOCK, _AROUND = 8.0, 3.0
 """Length of stretches that are searched for buried fists at once, and how far around what is posed [s]."""
+_AT_ONCE = 4096
+"""Strikes whose victims are looked at at once, about."""
 _NECK, _NEAR = 0.3, 0.05
 """Where necks are between head and pelvis, and how near fists that miss may be to be looked at closely [m]."""
 
@@ -58,14 +60,16 @@ def unseen_layers(scales: Array) -> Iterator[tuple[Array, frozenset[str]]]:
     """Sort avatars that show at so many pixels a metre (N,) by the layers that move nothing by ``_VISIBLE`` there.
 
     Yields:
-        Avatars, ascending, and the names of these layers; avatars that show at 0 are left out.
+        Avatars, ascending, and the names of these layers, and ``reading_of`` those for which it matters as little what
+        they read of others; avatars that show at 0 are left out.
     """
-    sizes = np.unique([kind.size for kind in LAYERS if kind.size < math.inf])
+    named = [(kind.name, kind.size) for kind in LAYERS] + [(reading_of(kind.name), kind.reading) for kind in LAYERS]
+    sizes = np.unique([size for _, size in named if size < math.inf])
     levels = (np.asarray(scales)[:, None] * sizes < _VISIBLE).sum(axis=1)
     levels[np.asarray(scales) <= 0.0] = -1
     for level in np.unique(levels[levels >= 0]):
         unseen = sizes[:level]
-        yield np.flatnonzero(levels == level), frozenset(kind.name for kind in LAYERS if kind.size in unseen)
+        yield np.flatnonzero(levels == level), frozenset(name for name, size in named if size in unseen)
 
 
 @dataclass(frozen=True)
@@ -272,9 +276,11 @@ class PoseSampler:
 
     def _placed(self, avatars: Array, times: Array) -> Iterator[tuple[Array, PoseMotion, Array, Playback]]:
         """Return where avatars (E,) are at times (E,): which of them, their motion, sizes of bones and playback."""
-        for which, policy, numbers, moments in self.poser.moments(avatars, times):
-            window = self.poser.window(policy, numbers, moments.times, 0.0)
-            yield which, window.motion, window.rows.sizes[moments.columns], window.playback(moments)
+        # Of many avatars few are needed at any time.
+        for some in np.array_split(np.argsort(times), len(times) // _AT_ONCE + 1):
+            for which, policy, numbers, moments in self.poser.moments(avatars[some], times[some]):
+                window = self.poser.window(policy, numbers, moments.times, 0.0)
+                yield some[which], window.motion, window.rows.sizes[moments.columns], window.playback(moments)
 
     def moments(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
         """Pose avatars (E,) at times (E,), each at its own.

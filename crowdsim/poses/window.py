@@ -142,12 +142,10 @@ class Window:
             signs=np.empty((count, joints + 1), np.int8),
             ground=np.empty((count, 3)),
             directions=np.empty((count, 2, 2)),
-            gaps=np.empty((count, 2, GAP_COLUMNS)),
-            returns=np.empty((count, 2, 2, 4)),
         )
 
         def work(low: int, high: int) -> None:
-            measure_transitions(low, high, rows, frames, self.motion.legs.toes, transitions)
+            measure_transitions(low, high, rows, frames, transitions)
 
         share(count, work, threads=self.threads)
         return transitions
@@ -187,10 +185,12 @@ class Window:
         """What feet do about transitions."""
         transitions, plants = self.transitions, self.foot_plants
         count, scales, motion = len(transitions.times), self.rows.scales, self.motion
-        steps = Steps(np.empty((count, 2), np.int8), np.empty((count, 2, 3)))
-
-        def work(low: int, high: int) -> None:
-            plan_steps(low, high, transitions, plants, motion.frames, scales, _STEP_RULES, motion.gait, steps)
-
-        share(len(self.avatars), work, threads=self.threads)
+        steps = Steps(
+            kinds=np.empty((count, 2), np.int8),
+            moves=np.empty((count, 2, 3)),
+            gaps=np.empty((count, 2, GAP_COLUMNS)),
+            returns=np.empty((count, 2, 2, 4)),
+        )
+        share(len(self.avatars), plan_steps, transitions, plants, motion.frames, motion.legs.toes, scales, _STEP_RULES,
+              motion.gait, steps, threads=self.threads)  # fmt: skip
         return steps

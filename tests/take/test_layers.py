@@ -10,7 +10,7 @@ from crowdsim.core.types import Array
 from crowdsim.motion import quaternion
 from crowdsim.poses.contacts import body_points
 from crowdsim.poses.kernels.records import Posed
-from crowdsim.poses.layer import Layer, Part
+from crowdsim.poses.layer import Layer, Part, reading_of
 from crowdsim.poses.layers import LAYERS
 from crowdsim.poses.poser import Poser
 from crowdsim.poses.sampler import unseen_layers
@@ -114,7 +114,7 @@ def test_layers_are_left_out_where_they_move_nothing_by_half_a_pixel() -> None:
     unseen = {int(avatar): names for avatars, names in unseen_layers(scales) for avatar in avatars}
     assert set(unseen) == {1, 2, 3, 4, 5}
     assert unseen[1] == unseen[2] == frozenset()
-    sizes = {kind.name: kind.size for kind in LAYERS}
+    sizes = {kind.name: kind.size for kind in LAYERS} | {reading_of(kind.name): kind.reading for kind in LAYERS}
     for avatar in (3, 4, 5):
         assert unseen[avatar] == {name for name, size in sizes.items() if size * scales[avatar] < 0.5}
     assert "blend" not in unseen[4]
@@ -125,7 +125,8 @@ def test_layers_move_no_further_than_they_say() -> None:
     take, policy = fight()
     whole = sampler(take, policy)
     joints = whole.sample(0, 150, 60)[0].joints()[0]
-    for size in sorted({kind.size for kind in LAYERS if np.isfinite(kind.size)}):
-        without = frozenset(kind.name for kind in LAYERS if kind.size <= size)
+    sizes = [(kind.name, kind.size) for kind in LAYERS] + [(reading_of(kind.name), kind.reading) for kind in LAYERS]
+    for size in sorted({size for _, size in sizes if np.isfinite(size)}):
+        without = frozenset(name for name, least in sizes if least <= size)
         moved = whole.sample(0, 150, 60, without=without)[0].joints()[0] - joints
         assert np.linalg.norm(moved, axis=-1).max() < size

@@ -151,7 +151,7 @@ def test_feet_rotate_continuously_through_transitions_however_far_they_turn() ->
     take = replace(take, events=Events(*(getattr(take.events, n)[:0] for n in Events.__dataclass_fields__)))
     poses = sampler(take, policy)
     fast, feet = 1920.0, [database().body.roles[f"{side}_foot"] for side in ("left", "right")]
-    gaps = poses.window(0, np.arange(4), np.array([0.0, take.seconds])).transitions.gaps
+    gaps = poses.window(0, np.arange(4), np.array([0.0, take.seconds])).steps.gaps
     assert np.linalg.norm(gaps[..., 3:6], axis=-1).max() > 1.0
     for start in range(1000, 8000, 1000):
         rotations = poses.sample(start, start + 1001, fast)[0].joints()[1][:, :, feet]
@@ -191,13 +191,13 @@ def test_a_planted_foot_moves_no_more_than_captured_through_a_transition() -> No
         transitions = window.transitions
         if not len(transitions.times):
             continue
-        kinds = window.steps.kinds
+        steps = window.steps
         toes = [motion.body.roles["left_toe"], motion.body.roles["right_toe"]]
         middle = round(float(transitions.times[0]) * 60)
         ours = poses.sample(middle - 12, middle + 13, 60)[0].joints()[0][:, 0, toes]
         moved = np.linalg.norm(ours - ours[:1], axis=-1).max(axis=0)
         for foot in range(2):
-            if kinds[0, foot] == STEP and np.linalg.norm(transitions.gaps[0, foot, :3]) < 0.1:
+            if steps.kinds[0, foot] == STEP and np.linalg.norm(steps.gaps[0, foot, :3]) < 0.1:
                 found += 1
                 assert moved[foot] < 0.004
     assert found >= 3
@@ -220,7 +220,7 @@ def test_a_foot_in_the_air_at_a_transition_is_planted_before_and_after_it() -> N
             window = poses.window(0, np.arange(1), np.array([0.0, take.seconds]))
             transitions = window.transitions
             steps = window.steps
-            if np.linalg.norm(transitions.gaps[0, foot, :3]) > 0.3 or steps.kinds[0, foot] != STEP:
+            if np.linalg.norm(steps.gaps[0, foot, :3]) > 0.3 or steps.kinds[0, foot] != STEP:
                 continue
             times = np.arange(round((transitions.times[0] - 0.35) * 60), round((transitions.times[0] + 0.35) * 60))
             toe = motion.body.roles[("left_toe", "right_toe")[foot]]

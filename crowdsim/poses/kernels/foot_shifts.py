@@ -250,7 +250,7 @@ def _add_transition(footing, now, foot, k, plant, weight, shift, turns, changes,
         Whether this transition, or one before it, is under way.
     """
     transitions, span = footing.transitions, footing.plants.spans[now.column, foot, plant]
-    at, gap, begin, end = transitions.times[k], transitions.gaps[k, foot], span[BEGIN], span[END]
+    at, gap, begin, end = transitions.times[k], footing.steps.gaps[k, foot], span[BEGIN], span[END]
     share, lift = _progress(at, footing.steps.moves[k, foot], now.time, begin, end)
     apart, past, tilt = now.time - at, k < now.middle, share
     if begin < at < end and gap[FOOT_X] * gap[FOOT_X] + gap[FOOT_Z] * gap[FOOT_Z] > TILTED * TILTED:
@@ -264,7 +264,7 @@ def _add_transition(footing, now, foot, k, plant, weight, shift, turns, changes,
         return begun
     for j in range(3):
         shift[j] += weight * (share - left) * gap[j]
-    foot_back, toes_back = transitions.returns[k, foot, 0], transitions.returns[k, foot, 1]
+    foot_back, toes_back = footing.steps.returns[k, foot, 0], footing.steps.returns[k, foot, 1]
     foot_turn = toes_turn = (1.0, 0.0, 0.0, 0.0)
     if share == 1.0 and tilt == 1.0:
         foot_turn, toes_turn = conjugate(foot_back), conjugate(toes_back)

@@ -106,10 +106,6 @@ class Transitions(NamedTuple):
         ground: Ground transform of the motion after it. Shape (C, 3).
         directions: Cosine and sine of the angle from the clip's world to the world, for the motion before it and for
             the motion after it. Shape (C, 2, 2).
-        gaps: How far held points of the feet jump in the world [m]; how feet turn there: a level rotation vector (its
-            x and z) and the angle about +y that follows it (y); and rotation vectors by which toes jump on them. After
-            less before. Shape (C, 2, 9).
-        returns: Rotations of feet, and of toes on them, back over these gaps. Shape (C, 2, 2, 4).
     """
 
     starts: Array
@@ -122,8 +118,6 @@ class Transitions(NamedTuple):
     signs: Array
     ground: Array
     directions: Array
-    gaps: Array
-    returns: Array
 
 
 class FootPlants(NamedTuple):
@@ -144,10 +138,16 @@ class Steps(NamedTuple):
     Attributes:
         kinds: ``steps.AIRBORNE``, ``steps.STAYS`` or ``steps.STEP``. Shape (C, 2), int8.
         moves: Beginning and end of the time in which the foot moves [s], and how high it rises [m]. Shape (C, 2, 3).
+        gaps: How far held points of the feet jump in the world [m]; how feet turn there: a level rotation vector (its
+            x and z) and the angle about +y that follows it (y); and rotation vectors by which toes jump on them. After
+            less before. Shape (C, 2, 9).
+        returns: Rotations of feet, and of toes on them, back over these gaps. Shape (C, 2, 2, 4).
     """
 
     kinds: Array
     moves: Array
+    gaps: Array
+    returns: Array
 
 
 class Footing(NamedTuple):

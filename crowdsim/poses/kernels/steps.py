@@ -7,6 +7,7 @@ import numpy as np
 
 from crowdsim.jit import kernel
 from crowdsim.poses.kernels.columns import BEGIN, END, GAP_X, GAP_Z, HEADING, RISE
+from crowdsim.poses.kernels.transitions import measure_gaps
 
 AIRBORNE, STAYS, STEP = 0, 1, 2
 """Kinds of moves: the foot is in the air; it stays on the floor all along; it makes a step."""
@@ -66,7 +67,7 @@ def _plan_foot(transition, foot, transitions, plants, motion, scale, rules, gait
     begin, end, air = _plant_at(plants, transitions.owners[transition], foot, time)
     if end < begin:
         return 0.0
-    gap = transitions.gaps[transition, foot]
+    gap = steps.gaps[transition, foot]
     far = math.sqrt(gap[GAP_X] * gap[GAP_X] + gap[GAP_Z] * gap[GAP_Z])
     steps.kinds[transition, foot] = STAYS
     old, new = transitions.before[transition], transitions.after[transition]
@@ -91,19 +92,18 @@ def _plan_foot(transition, foot, transitions, plants, motion, scale, rules, gait
 
 
 @kernel(allocates=False)
-def _leader(transition, transitions, motion):
+def _leader(transition, transitions, motion, gaps):
     """Return the foot that leads the way at a transition, and steps first where both do."""
     holds, heading = motion.holds[transitions.after[transition]], transitions.ground[transition, HEADING]
     x, z = holds[0, 0] - holds[1, 0], holds[0, 2] - holds[1, 2]
     x, z = x * math.cos(heading) + z * math.sin(heading), z * math.cos(heading) - x * math.sin(heading)
-    gaps = transitions.gaps[transition]
     along = x * (gaps[0, GAP_X] + gaps[1, GAP_X])
     along += z * (gaps[0, GAP_Z] + gaps[1, GAP_Z])
     return 0 if along > 0.0 else 1
 
 
 @kernel
-def plan_steps(first, stop, transitions, plants, motion, scales, rules, gait, steps):
+def plan_steps(first, stop, transitions, plants, motion, toes, scales, rules, gait, steps):
     """Decide what feet of avatars do about transitions.
 
     A foot that comes up soon after the transition stays where it is until then, one that came down shortly before it
@@ -117,6 +117,7 @@ def plan_steps(first, stop, transitions, plants, motion, scales, rules, gait, st
         transitions: A ``Transitions``.
         plants: A ``FootPlants``.
         motion: The playback frames, a ``motion.Frames``.
+        toes: Joint of each foot's toes, -1 where there is none. Shape (2,).
         scales: Body size by column.
         rules: A ``StepRules``.
         gait: A ``gait.Gait``.
@@ -127,11 +128,12 @@ def plan_steps(first, stop, transitions, plants, motion, scales, rules, gait, st
     durations = np.empty(2)
     for n in range(first, stop):
         for k in range(transitions.starts[n], transitions.starts[n + 1]):
+            measure_gaps(k, transitions, motion, toes, scales[n], steps)
             for foot in range(2):
                 durations[foot] = _plan_foot(k, foot, transitions, plants, motion, scales[n], rules, gait, near, steps)
             both = durations[0] > 0.0 and durations[1] > 0.0
             # Feet wait as long as they can, for they may come up by themselves.
-            leader = _leader(k, transitions, motion) if both else -1
+            leader = _leader(k, transitions, motion, steps.gaps[k]) if both else -1
             for foot in range(2):
                 if durations[foot] > 0.0:
                     move = steps.moves[k, foot]

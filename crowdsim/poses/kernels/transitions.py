@@ -84,7 +84,7 @@ def _write_returns(gap, returns):
 
 
 @kernel(allocates=False)
-def _measure_gaps(transition, transitions, motion, toes, scale):
+def measure_gaps(transition, transitions, motion, toes, scale, steps):
     """Write how far held points of the feet jump, and by which rotations feet jump and toes on them."""
     old, new = transitions.before[transition], transitions.after[transition]
     shift = transitions.shifts[transition]
@@ -95,7 +95,7 @@ def _measure_gaps(transition, transitions, motion, toes, scale):
     cos_away, sin_away = math.cos(away), math.sin(away)
     cos_half, sin_half = math.cos(0.5 * away), math.sin(-0.5 * away)
     for foot in range(2):
-        gap = transitions.gaps[transition, foot]
+        gap = steps.gaps[transition, foot]
         here, there = motion.holds[old, foot], motion.holds[new, foot]
         x, z = here[0] - shift[X], here[2] - shift[Z]
         dx = there[0] - (x * cos_away - z * sin_away)
@@ -111,7 +111,7 @@ def _measure_gaps(transition, transitions, motion, toes, scale):
         if toe >= 0:
             before, after = _doubles(motion.rotations[old, toe]), _doubles(motion.rotations[new, toe])
             _write_rotation_vector(before, after, gap[TOES_X:GAP_COLUMNS])
-        _write_returns(gap, transitions.returns[transition, foot])
+        _write_returns(gap, steps.returns[transition, foot])
 
 
 @kernel(allocates=False)
@@ -129,7 +129,7 @@ def _compare_signs(before, after, signs):
 
 
 @kernel(allocates=False)
-def measure_transitions(first, stop, rows, motion, toes, transitions):
+def measure_transitions(first, stop, rows, motion, transitions):
     """Measure how motion jumps at transitions ``first`` to ``stop``.
 
     Args:
@@ -137,8 +137,7 @@ def measure_transitions(first, stop, rows, motion, toes, transitions):
         stop: One past the last.
         rows: The control frames, a ``Rows``.
         motion: The playback frames, a ``motion.Frames``.
-        toes: Joint of each foot's toes, -1 where there is none. Shape (2,).
-        transitions: A ``Transitions``; signs, ground, directions, gaps and returns are written.
+        transitions: A ``Transitions``; signs, ground and directions are written.
     """
     for i in range(first, stop):
         n, old, new = transitions.owners[i], transitions.before[i], transitions.after[i]
@@ -150,5 +149,4 @@ def measure_transitions(first, stop, rows, motion, toes, transitions):
         directions = transitions.directions[i]
         directions[BEFORE, COS], directions[BEFORE, SIN] = math.cos(left), math.sin(left)
         directions[AFTER, COS], directions[AFTER, SIN] = math.cos(on), math.sin(on)
-        _measure_gaps(i, transitions, motion, toes, rows.scales[n])
         _compare_signs(motion.rotations[old], motion.rotations[new], transitions.signs[i])

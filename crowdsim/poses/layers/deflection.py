@@ -33,8 +33,8 @@ _CREEP, _WIDE = 0.06, 2
 """How far they go at the most [m], and how long they stay where they have to go, before and after [control frames]."""
 _ASIDE, _BESIDE = 0.25, 1.4
 """How far they move at the most that a body is near which is down; and how near that is [m]."""
-POSES_AT_ONCE, _FRAMES_AT_ONCE = 8_000, 1024
-"""Most poses that limbs are deflected in at once, and most frames for which others are posed."""
+POSES_AT_ONCE, _TIMES_AT_ONCE, _FRAMES_AT_ONCE = 8_000, 4, 1024
+"""Most poses that limbs are deflected in at once, but for so many times; and most frames for which others are posed."""
 
 
 class Deflection(Reader):
@@ -91,7 +91,7 @@ class Deflection(Reader):
             moves = self._deflect(times[here], avatars_missing, posed, blocks, here)
             self.moves.note(frames[here], avatars_missing, moves)
 
-        at_once = max(1, POSES_AT_ONCE // len(posed))
+        at_once = max(_TIMES_AT_ONCE, POSES_AT_ONCE // len(posed))
         each(find, [some[low : low + at_once] for low in range(0, len(some), at_once)], self.poser.threads)
 
     def plan(self, part: Part) -> Deflections | None:
@@ -161,7 +161,7 @@ class Deflection(Reader):
             times = frames[here] / self.moves.rate
             near = near_avatars(self.poser.take, avatars, int(rows[here].min()), int(rows[here].max()) + 1)
             blocks = self.poser.stretch(lambda block: block, near, times, self.needs[0])
-            at_once = max(1, POSES_AT_ONCE // len(near))
+            at_once = max(_TIMES_AT_ONCE, POSES_AT_ONCE // len(near))
             for at in range(0, len(times), at_once):
                 some = np.arange(at, min(at + at_once, len(times)))
                 found[here][some] = self._deflect(times[some], avatars, near, blocks, some)
@@ -202,8 +202,11 @@ class Deflection(Reader):
             limbs.weights[block.which[:, None], own] = weights
         order = np.argsort(capsules.starts[:, :, 0, 0], axis=1, kind="stable")
         ranks, columns = np.argsort(order, axis=1, kind="stable"), np.searchsorted(near, asked)
+        # Those near one another come after one another, since they read the same.
+        along = np.argsort(ranks[len(times) // 2, columns])
+        columns = columns[along]
         share(len(times) * len(asked), deflect_limbs, capsules, limbs, order, ranks, columns, moves, threads=threads)
-        return moves
+        return moves[:, np.argsort(along)]
 
 
 class SecondDeflection(Deflection):

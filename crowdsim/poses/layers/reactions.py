@@ -56,6 +56,7 @@ class Reactions(Layer):
 
     name = "reactions"
     size = 0.6
+    reading = 0.15
     needs = ("separation",)
     looks = (ROUNDS + 1) * LENGTH + _KICK, RISE
 
