@@ -20,6 +20,8 @@ from crowdsim.crowd.kernels.opponents import AVERTED, BEHIND, ENGAGED, HIT, REME
 from crowdsim.crowd.kernels.shown_motion import CELL, LATEST
 from crowdsim.crowd.kernels.terms import variety
 from crowdsim.crowd.kernels.terms.collision_avoidance import BYSTANDERS, HALTED, STAGGER, STEP
+from crowdsim.crowd.kernels.terms.guard import DROPPED
+from crowdsim.crowd.kernels.terms.guard import NEAR as GUARDED
 from crowdsim.crowd.kernels.terms.stance import ASTRAY
 from crowdsim.crowd.kernels.terms.stillness import BESIDE, CALM, FACING
 from crowdsim.crowd.kernels.terms.strikes import AIM, AWAY, BOLDNESS, NEAR, REST, SET_UP
@@ -27,6 +29,7 @@ from crowdsim.crowd.kernels.vetoes.crossed_legs import CROSSED
 from crowdsim.crowd.kernels.vetoes.same_strike import TOGETHER, TWICE
 from crowdsim.crowd.kernels.vetoes.strike_at_air import AIR
 from crowdsim.crowd.model import AT_REST, FULL_REACH, STRONG
+from crowdsim.crowd.model_guard import AROUND, HANGS, LATER, LEAST
 from crowdsim.crowd.model_stillness import STILL
 from crowdsim.crowd.model_tables import BRAKING
 from crowdsim.crowd.random import Purpose, uniform
@@ -62,6 +65,7 @@ class Avatar:
         self.stance = int(cast.stances[number])
         self.astray = stance_actions(self.policy)[:, self.stance - 1] if self.stance else np.zeros(actions.state_count)
         self.calm = calm_shares(self.policy)
+        self.unguarded = unguarded_times(self.policy)
         self.ways = ways_to_halt(actions)
         self.space = space_of(self.policy)
         with_entry = [s for s in range(actions.state_count) if (actions.next == s).any()]
@@ -153,6 +157,33 @@ def calm_shares(policy):
     found = [still(frame * database.stride) for frame in range(database.frame_count)]
     spans = zip(graph.action_first, graph.action_lengths, strict=True)
     return np.array([np.mean(found[first : first + length]) for first, length in spans])
+
+
+@once
+def unguarded_times(policy):
+    """How long hands hang in each action, and at least behind it, whose seconds count less and less."""
+    database, actions, first = policy.database, policy.actions, policy.graph.action_first
+    if not len(database.strike_frames):
+        return np.zeros(actions.action_count)
+    rate, count = database.playback_rate, len(database.fists)
+    lower = [min(fists[:, 1]) - pelvis[1] for fists, pelvis in zip(database.fists, database.pelvises, strict=True)]
+    fights = [f for f in range(count) if min(abs(f - strike) for strike in database.strike_frames) <= AROUND * rate]
+    low = [height < HANGS * np.median([lower[f] for f in fights]) for height in lower]
+    least = round(LEAST * rate)
+    hangs = [
+        any(all(low[k : k + least]) for k in range(max(f - least + 1, 0), min(f, count - least) + 1))
+        for f in range(count)
+    ]
+    own = [
+        sum(hangs[(first[a] + t) * database.stride] for t in range(actions.lengths[a])) / database.control_rate
+        for a in range(actions.action_count)
+    ]
+    fades = LATER ** (actions.lengths / database.control_rate)
+    behind = [0.0] * actions.state_count
+    for _ in range(60):
+        total = [own[a] + fades[a] * behind[actions.next[a]] for a in range(actions.action_count)]
+        behind = [min(total[actions.offsets[s] : actions.offsets[s + 1]]) for s in range(actions.state_count)]
+    return np.array([own[a] + fades[a] * behind[actions.next[a]] for a in range(actions.action_count)])
 
 
 @once
@@ -331,6 +362,8 @@ def decide(one, avatars, crowd, targets, frame, marks):
         values = values + aim(one, choices, mine, targets[1:, -2 - opponent], crowd)
     if opponent >= 0 and rests and FACING * math.hypot(seen[0], seen[2]) <= min(seen[2], FACING * BESIDE):
         values = values + CALM * one.calm[list(choices)]
+    if opponent >= 0 and math.hypot(seen[0], seen[2]) <= GUARDED:
+        values = values - DROPPED * one.unguarded[list(choices)]
     values = values - ASTRAY * one.astray[actions.next[list(choices)]]
     place = pick(values, one, crowd)
     varied, apart = opponent >= 0 and crowd.varieties[one.cohort] > 0, crowd.crowding.end > 0

@@ -45,6 +45,7 @@ class Model(NamedTuple):
             (S, 2, 2, 3), float32.
         leg_reaches: How far from the position these are at most [m]. Shape (S,), float32.
         calm: Share of the frames of each action in which the body is still. Shape (A,), float32.
+        unguarded: How long hands hang in each action and behind it [s], see ``model_guard``. Shape (A,), float32.
         actions: The actions, and a record that closes their paths and strikes. Shape (A + 1,), ``ACTION``.
         moves: Where each action ends. Shape (A,), ``MOVE``.
         prices: What each action takes from each behaviour of the policy, wherever the target is. Shape (A, most
@@ -93,6 +94,7 @@ class Model(NamedTuple):
     legs: Array
     leg_reaches: Array
     calm: Array
+    unguarded: Array
     actions: Array
     moves: Array
     prices: Array

@@ -24,6 +24,7 @@ from crowdsim.crowd.kernels.records import (
 )
 from crowdsim.crowd.model_arms import arm_radii, arm_rows, way_rows
 from crowdsim.crowd.model_falls import fall_rows
+from crowdsim.crowd.model_guard import unguarded_rows
 from crowdsim.crowd.model_legs import leg_rows
 from crowdsim.crowd.model_stillness import calm_rows
 from crowdsim.crowd.model_tables import (
@@ -100,6 +101,7 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
         legs=np.concatenate([points for points, _ in legs]),
         leg_reaches=np.concatenate([reaches for _, reaches in legs]),
         calm=np.concatenate([calm_rows(policy) for policy in policies]),
+        unguarded=np.concatenate([unguarded_rows(policy) for policy in policies]),
         actions=records(action_rows(policies, actions, starts), ACTION),
         moves=moves,
         prices=prices,

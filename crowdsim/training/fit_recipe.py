@@ -19,11 +19,19 @@ from crowdsim.training.survey import Survey
 TEMPLATE = "boxer_cmu"
 """The shipped recipe whose behaviours are taken."""
 
+FEET = tuple(limb for limb in ALL_LIMBS if limb not in HANDS)
 BEHAVIOURS = ("approach", "punch", "fight")
 WITHOUT_STRIKES = ("approach",)
 """Behaviours that can be learned without strikes; where their targets are wanted is then ``STILL_DISTANCE``."""
 STILL_DISTANCE = (0.7, 1.0)
 """Where a target is wanted that no strike is to reach [m]."""
+
+SCARCE, KICKERS = 60.0, 0.8
+"""Less motion than this [s], and motion of whose strikes a greater share are kicks, has few ways to strikes."""
+EAGER_WEIGHTS = ("60", "7", "0.6", "5", "4")
+"""Weights of the rewards of ``fight`` then, in their order. Such ways take long, lead away from where a target is
+wanted, or turn the body aside, so that by the weights of the template keeping still would be worth more.
+"""
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,63}")
 
@@ -152,6 +160,9 @@ def recipe_text(survey: Survey, behaviours: Sequence[str], place: Path) -> str:
         settings = settings.replace("graph:\n", f"graph:\n  threshold: {fit.threshold:g}\n", 1)
     if "fight" not in chosen:
         settings = re.sub(r"\nweights:\n  fight: 1", "", settings)
+    kicks = sum(survey.strikes[limb] for limb in FEET)
+    if survey.seconds < SCARCE or kicks > KICKERS * sum(survey.strikes):
+        settings, blocks["fight"] = _eager(settings, blocks["fight"])
     learned = [_fitted(blocks[name], fit.counts.get(name, {}), struck) for name in chosen]
     return _head(survey, mirror, place) + settings + "behaviours:\n" + "".join(learned)
 
@@ -178,7 +189,7 @@ def _head(survey: Survey, mirror: bool, place: Path) -> str:
         lines.append(f"      - {_scalar(file.name)} # {what}")
     lines += [f"      # left out: {_comment(f'{file.name}: {file.reason}')}" for file in survey.left_out]
     lines.append(f"  mirror: {str(mirror).lower()} # add the mirror image of every clip")
-    if sum(struck[limb] for limb in ALL_LIMBS if limb not in HANDS):
+    if sum(struck[limb] for limb in FEET):
         lines += ["strikes:", "  limbs: [hands, feet]"]
     return "\n".join(lines) + "\n"
 
@@ -201,6 +212,19 @@ def _fitted(block: str, counts: dict[str, int], struck: bool) -> str:
         lines = f"      - kind: proximity\\1\n        distance:\n          - {near:g}\n          - {far:g}\n"
         block = re.sub(r"      - kind: proximity(.*)\n", lines, block)
     return block
+
+
+def _eager(settings: str, fight: str) -> tuple[str, str]:
+    """Return the template's settings and its behaviour ``fight`` for motion in which few ways lead to strikes.
+
+    Decisions follow transitions sooner and values are finer, so that strikes can be aimed; a reward counts for longer.
+    """
+    weights = iter(EAGER_WEIGHTS)
+    settings = re.sub(r"(\n  transitions: )\S+", r"\g<1>16\n  landing: 0.07", settings)
+    fight = re.sub(r"(?<=\n        weight: )\S+", lambda _: next(weights), fight)
+    fight = re.sub(r"(?<=\n        each: )\S+", "1.2", fight)
+    fight = fight.replace("\n    finer: 1", "\n    finer: 2")
+    return settings, fight.replace("\n    rewards:", "\n    discount: 0.98\n    rewards:")
 
 
 def _scalar(text: str) -> str:

@@ -9,8 +9,9 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.errors import MotionError
+from crowdsim.motion import ground
 from crowdsim.motion.database import MotionDatabase
-from crowdsim.motion.strikes import describe_strikes_needed
+from crowdsim.motion.strikes import HANDS, describe_strikes_needed
 from crowdsim.policy.axes.registry import kind_named
 from crowdsim.policy.environment import Axis, Grid, build_grid
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, Term
@@ -67,16 +68,31 @@ def own_seconds(database: MotionDatabase) -> float:
     return float(frames[~mirrored].sum() / database.control_rate)
 
 
+SWING = 0.3
+"""Time from the moment from which a kick's distance counts to its furthest reach [s]: the leg swings out meanwhile, and
+takes the ground frame between the feet along.
+"""
+
+
 def striking_range(database: MotionDatabase) -> tuple[float, float]:
     """Return the distances from which strikes reach a head: from the lower to the upper quartile of strikes [m].
 
-    Over the ground, from the avatar's ground frame to the centre of the head that the fist touches.
+    Over the ground, to the centre of the head that the fist or foot touches, from the avatar's ground frame: where a
+    punch lands, and ``SWING`` before a kick does.
 
     Raises:
         MotionError: There are no strikes.
     """
     check_strikes(database)
-    x, _, z = np.asarray(database.strike_positions, dtype=float).T
+    frames, limbs = np.asarray(database.strike_frames, np.int64), np.asarray(database.strike_limbs)
+    starts = np.asarray(database.clip_starts, np.int64) * database.stride
+    swung = frames - round(SWING * database.playback_rate)
+    swung = np.maximum(swung, starts[np.searchsorted(starts, frames, side="right") - 1])
+    before = np.where(np.isin(limbs, HANDS), frames, swung)
+    moved = ground.compose(ground.inverse(database.ground[before]), database.ground[frames])
+    points = np.asarray(database.strike_positions, dtype=float)
+    kicked = (before < frames)[:, None]
+    x, _, z = np.where(kicked, ground.to_world(moved, points), points).T
     near, far = np.percentile(np.hypot(x, z), [25.0, 75.0]) + float(database.body.head_radius)
     return round(float(near), 3), round(float(far), 3)
 

@@ -119,6 +119,22 @@ def test_capture_with_kicks_has_feet_that_strike(project):
     assert written(project, survey_of(project / "capture")).strikes.numbers() == (0, 1)
 
 
+def test_few_ways_to_strikes_make_strikes_worth_more(project):
+    usual = written(project, survey_of(project / "capture"))
+    for scarce in (
+        survey_of(project / "capture", 59.0),
+        survey_of(project / "capture", 200.0, (2, 2, 20, 20)),
+    ):
+        recipe = written(project, scarce)
+        fight = recipe.behaviours["fight"]
+        assert [term.weight for term in fight.rewards] == [60.0, 7.0, 0.6, 5.0, 4.0]
+        assert (fight.rewards[-1].each, fight.discount, fight.finer) == (1.2, 0.98, 2)
+        assert (recipe.prune.transitions, recipe.prune.landing) == (16, 0.07)
+        assert recipe.behaviours["punch"] == usual.behaviours["punch"]
+    mixed = written(project, survey_of(project / "capture", 200.0, (20, 20, 20, 20)))
+    assert mixed.behaviours["fight"] == usual.behaviours["fight"]
+
+
 def test_a_recipe_that_cannot_be_written_leaves_no_file(tmp_path, monkeypatch):
     def full(source, target):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

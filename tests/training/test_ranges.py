@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from crowdsim.errors import MotionError
-from crowdsim.training.ranges import resolve_grid, strike_reach
+from crowdsim.training.ranges import SWING, resolve_grid, strike_reach, striking_range
 from crowdsim.training.recipe import BehaviourSpec
 
 
@@ -65,3 +65,37 @@ def test_motion_without_strikes_has_no_reach(motion):
     )  # fmt: skip
     with pytest.raises(MotionError, match=r"no strikes found in 1\.0 s of motion, .* moves at 2\.3 m/s or more"):
         grid_of(still, distance={"reach": True})
+
+
+@pytest.mark.parametrize(("limb", "expected"), [(0, 0.8), (1, 0.8), (2, 1.3), (3, 1.3)])
+def test_a_kick_reaches_from_where_the_leg_swings_out_and_a_punch_from_where_it_lands(limb, expected):
+    rate, count = 60.0, 200
+    walked = np.linspace(0.0, 0.5 / SWING * count / rate, count)  # half a metre ahead in the time of a kick
+    frames = np.array([60, 110, 160])
+    motion = SimpleNamespace(
+        strike_frames=frames,
+        strike_limbs=np.full(3, limb, np.uint8),
+        strike_positions=np.tile([0.0, 1.2, 0.7], (3, 1)),
+        ground=np.stack([np.zeros(count), walked, np.zeros(count)], axis=-1),
+        clip_starts=np.array([0, 10, 50]),
+        stride=4,
+        playback_rate=rate,
+        body=SimpleNamespace(head_radius=0.1),
+    )
+    near, far = striking_range(motion)
+    assert (near, far) == pytest.approx((expected, expected), abs=0.02)
+
+
+def test_a_kick_at_the_start_of_a_clip_reaches_from_there():
+    ground = np.stack([np.zeros(40), np.arange(40.0), np.zeros(40)], axis=-1)
+    motion = SimpleNamespace(
+        strike_frames=np.array([22]),
+        strike_limbs=np.array([2], np.uint8),
+        strike_positions=np.array([[0.0, 1.2, 0.7]]),
+        ground=ground,
+        clip_starts=np.array([0, 5, 10]),
+        stride=4,
+        playback_rate=60.0,
+        body=SimpleNamespace(head_radius=0.1),
+    )
+    assert striking_range(motion) == pytest.approx((2.8, 2.8))
