@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr
 
 from crowdsim.config.files import Finding, StrictModel, place
 from crowdsim.errors import ScenarioError
+from crowdsim.scenario.cameras import Cameras
 from crowdsim.scenario.events import Event
 from crowdsim.scenario.fitness import LINGERS, End
 from crowdsim.scenario.groups import AnyoneOpponents, Group, Opponents, PointsPlacement, Target
@@ -88,6 +89,11 @@ class Description(StrictModel):
     targets: dict[Name, Target] = Field(default_factory=dict, description="Scripted targets by name.")
     events: tuple[Event, ...] = Field(
         default=(), max_length=_MOST, description="Changes during the run; each happens once."
+    )
+    cameras: Cameras = Field(
+        default_factory=dict,
+        max_length=_MOST,
+        description="Cameras by name, for `outputs.render`, its shots and `crowdsim render`; they change no take.",
     )
     outputs: Outputs = Field(
         default_factory=Outputs, description="What a run writes beside its take; what is null is not written."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field, create_model
 
 from crowdsim.config.files import Finding, StrictModel
+from crowdsim.scenario.camera import Camera
 from crowdsim.scenario.output import Output
 
 _FIRST = ("take", "bvh", "ply", "pcd", "render", "profile")
@@ -50,6 +51,10 @@ class _Outputs(StrictModel):
         """Return these with all that they leave to a scenario, which has ``fps`` frames a second."""
         update = {output.name: output.resolved(fps) for output in self.wanted()}
         return self.model_copy(update=update)  # type: ignore[return-value]
+
+    def named(self, cameras: Mapping[str, Camera]) -> Outputs:
+        """Return these with the keys of cameras instead of their names."""
+        return self if self.render is None else self.model_copy(update={"render": self.render.named(cameras)})  # type: ignore[return-value]
 
     def findings(self, avatars: int) -> Iterator[Finding]:
         """Yield what is wrong with them for a number of avatars, as keys of the scenario."""
