@@ -88,9 +88,9 @@ def write_take(
     writer = TakeWriter(path, header, crowd.frames, chunk)
     if begun is not None:
         try:
-            if begun.frame == crowd.frames and path.exists():
+            if path.exists():
                 take = with_known_actions(open_take(path), crowd.policies)
-                if take.status == "done":
+                if take.status == "done" and take.frame_count == begun.frame:
                     _recount(counter, _rows(take, writer.chunk), (take.events.outcome, take.events.down))
                     run.report.continued_at = begun.frame
                     return take, begun.timings

@@ -16,6 +16,8 @@ FIELD = 36.0
 """Angle between the upper and lower edge of a picture whose camera names no lens [degrees]."""
 AvatarRef = Annotated[int, Field(ge=0)] | Name
 """An avatar by its number or its name."""
+_MOST = 40
+"""How many cameras a message lists."""
 Metres = Annotated[float, Field(ge=-100_000, le=100_000)]
 Position = tuple[Metres, Metres, Metres]
 
@@ -119,16 +121,11 @@ def parse_camera(
             found.append(named[name])
             continue
         kind = kinds.get(name)
-        # A kind whose keys are required cannot be had by its name.
-        is_plain = kind is not None and not (kind.model_json_schema().get("required") or ["kind"])[1:]
-        if kind is None or not is_plain or (colon and not (kind.follows and avatar)):
+        needed = [] if kind is None else required_keys(kind)
+        if kind is None or needed or (colon and not (kind.follows and avatar)):
             choices = [*named, *_plain_names(kinds)]
-            hint = (
-                f" ({name} needs keys: {', '.join(kind.model_json_schema()['required'][1:])})"
-                if kind is not None and not is_plain
-                else nearest(name, choices)
-            )
-            raise CrowdsimError(f"camera {part!r} is unknown, expected one of {', '.join(choices)}{hint}")
+            hint = f" ({name} needs keys: {', '.join(needed)})" if needed else nearest(name, choices)
+            raise CrowdsimError(f"camera {part[:100]!r} is unknown, expected one of {', '.join(choices[:_MOST])}{hint}")
         keys: dict[str, Any] = {"kind": name}
         if colon:
             given = tuple(int(one) if one.isdecimal() else one for one in avatar.split(","))
@@ -137,10 +134,15 @@ def parse_camera(
     return tuple(found)
 
 
+def required_keys(kind: type[Camera]) -> list[str]:
+    """Return the keys without which a kind of camera cannot be had."""
+    return [name for name, field in kind.model_fields.items() if field.is_required() and name != "kind"]
+
+
 def _plain_names(kinds: Mapping[str, type[Camera]]) -> list[str]:
     """Return what the kinds of cameras that need no keys are called on the command line."""
     names: list[str] = []
     for name, kind in kinds.items():
-        if not (kind.model_json_schema().get("required") or ["kind"])[1:]:
+        if not required_keys(kind):
             names += [name, *([f"{name}:AVATAR"] if kind.follows else [])]
     return names
