@@ -86,7 +86,7 @@ def seen_shares(view: Any, shapes: Array, limb: int, head: int, of_head: Array, 
     face = ((origin + (middle - half)[:, None] * rays - centre) / radius @ ahead) > math.cos(FACE)
     others = np.delete(shapes, of_head, axis=0)
     free = first_hits(origin, rays, others).min(axis=1) > middle - half
-    whole = max(np.count_nonzero(face), PROFILE * math.sin(FACE) ** 2 * len(rays), 1.0)
+    whole = max(float(np.count_nonzero(face)), PROFILE * math.sin(FACE) ** 2 * len(rays), 1.0)
     return limb_share, float(np.count_nonzero(face & free) / whole)
 
 

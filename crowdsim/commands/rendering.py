@@ -53,6 +53,9 @@ def render(
     light: Annotated[str, typer.Option(metavar="NAME", help="day, soft, evening or night.")] = "day",
     transparent: Annotated[bool, typer.Option("--transparent", help="PNG of the figures alone.")] = False,
     caption: Annotated[bool, typer.Option(help="A small caption in the picture.")] = True,
+    motion_blur: Annotated[
+        int, typer.Option(metavar="N", min=0, max=64, help="Moments that a picture mixes, of half a frame; 0 for none.")
+    ] = 0,
     threads: Threads = CORES,
     jobs: Annotated[int, typer.Option(metavar="N", min=1, max=256, help="Processes that draw.")] = 1,
     force: Force = False,
@@ -67,7 +70,7 @@ def render(
     from crowdsim.render.take_source import TakeSource
     from crowdsim.runs.opening import open_run
     from crowdsim.runs.stage import write_pictures
-    from crowdsim.scenario.cameras import read_shots
+    from crowdsim.scenario.camera_files import read_shots
     from crowdsim.scenario.frame_ranges import parse_frames
 
     options = RenderOptions(
@@ -78,7 +81,7 @@ def render(
         mp4=mp4 or not (png or contact_sheet),
         png=png,
         contact_sheet=contact_sheet,
-        look=Look(marks, grid, background, light, transparent, caption),
+        look=Look(marks, grid, background, light, transparent, caption, motion_blur),
         shots=() if shots is None else read_shots(shots),
         threads=threads,
         jobs=jobs,

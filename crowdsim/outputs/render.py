@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,7 +14,7 @@ from crowdsim.errors import TakeError
 from crowdsim.scenario.camera import Camera
 from crowdsim.scenario.cameras import Chosen, Shots
 from crowdsim.scenario.frame_ranges import frame_limit, output_frames
-from crowdsim.scenario.looks import Background, Light, Marks
+from crowdsim.scenario.looks import MOST_BLUR, Background, Light, Marks
 from crowdsim.scenario.output import Extent, Ranged, Series
 
 if TYPE_CHECKING:
@@ -65,6 +65,12 @@ class RenderOutput(Ranged):
         default=False, description="Whether PNG hold the figures alone, and how much of each pixel they cover."
     )
     caption: bool = Field(default=True, description="Whether pictures have a small caption.")
+    motion_blur: int = Field(
+        default=0,
+        ge=0,
+        le=MOST_BLUR,
+        description="How many moments a picture is the mean of, while a shutter is open for half a frame; 0 for none.",
+    )
 
     @model_validator(mode="after")
     def _check(self) -> RenderOutput:
@@ -83,7 +89,7 @@ class RenderOutput(Ranged):
         """Return the regular expression of the names of its files."""
         return r"frames/\d{6,}\.png|video\.mp4|contact_sheet\.png"
 
-    def named(self, cameras: Mapping[str, Camera]) -> RenderOutput:
+    def named(self, members: Callable[[str], Sequence[int] | None], cameras: Mapping[str, Camera]) -> RenderOutput:
         """Return it with the keys of cameras instead of their names."""
 
         def keys(chosen: Chosen) -> Chosen:
@@ -123,7 +129,7 @@ class RenderOutput(Ranged):
         pixels, still = self.size[0] * self.size[1], self.contact_sheet or 0
         size = pixels * (moving * (_PNG_BYTES * self.png + _VIDEO_BYTES * self.mp4) + _PNG_BYTES * (still > 0))
         each = _PICTURE_SECONDS + _FIGURE_SECONDS * extent.avatars + _PIXEL_SECONDS * pixels
-        return size, (moving + still) * each
+        return size, (moving + still) * each * max(self.motion_blur, 1)
 
     def prepare(self) -> None:
         """Refuse a video where there is no ffmpeg.
@@ -175,6 +181,7 @@ class RenderOutput(Ranged):
                 if getattr(self, name) != type(self).model_fields[name].default
                 else []
             )
+        words += ["--motion-blur", str(self.motion_blur)] if self.motion_blur else []
         words += ["--no-grid"] * (not self.grid) + ["--transparent"] * self.transparent
         words += ["--no-caption"] * (not self.caption) + ["--threads", "1"]
         frames = self.asked_frames()

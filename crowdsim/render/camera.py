@@ -17,7 +17,8 @@ from crowdsim.core.types import Array
 from crowdsim.errors import CrowdsimError
 from crowdsim.render.crowd_path import Crowd, between, filled, hann, watch
 from crowdsim.render.view import View
-from crowdsim.scenario.cameras import Chosen, camera_in_file, check_avatars, chosen_cameras
+from crowdsim.scenario.camera_files import camera_in_file
+from crowdsim.scenario.cameras import Chosen, check_avatars, chosen_cameras
 
 if TYPE_CHECKING:
     from crowdsim.render.source import PoseSource

@@ -47,7 +47,7 @@ class EditedSource:
     def find(self, frame: float) -> tuple[int, float]:
         """Return the stretch that a frame is in, and its frame in the source."""
         index = min(bisect_right(self._ends, frame), len(self.spans) - 1)
-        return index, frame - self._ends[index] + self.spans[index][1]
+        return index, min(frame - self._ends[index] + self.spans[index][1], self.source.frame_count - 1)
 
     def view(self, views: Sequence[Callable[[float], View]]) -> Callable[[float], View]:
         """Return the view at each frame, of that of each stretch at frames of the source."""

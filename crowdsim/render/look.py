@@ -9,7 +9,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.errors import CrowdsimError, nearest
-from crowdsim.scenario.looks import BACKGROUNDS, LIGHTS, MARKS, check_background
+from crowdsim.scenario.looks import BACKGROUNDS, LIGHTS, MARKS, MOST_BLUR, check_background
 
 _LIGHTS: dict[str, tuple[float, ...]] = {
     "day": (1.22, 1.19, 1.11, 0.40, 0.45, 0.53, 0.20, 0.20, 0.19),
@@ -44,6 +44,7 @@ class Look:
         light: ``day``, ``soft``, ``evening`` or ``night``.
         transparent: Whether pictures hold the figures alone, and how they cover.
         caption: Whether pictures have a small caption.
+        motion_blur: How many moments a picture is the mean of, while a shutter is open for half a frame; 0 for none.
     """
 
     marks: str = "all"
@@ -52,12 +53,15 @@ class Look:
     light: str = "day"
     transparent: bool = False
     caption: bool = True
+    motion_blur: int = 0
 
     def __post_init__(self) -> None:
         """Refuse words that mean nothing."""
         for name, word, choices in (("marks", self.marks, MARKS), ("light", self.light, LIGHTS)):
             if word not in choices:
                 raise CrowdsimError(f"{name} {word!r}: expected {', '.join(choices)}{nearest(word, choices)}")
+        if not 0 <= self.motion_blur <= MOST_BLUR:
+            raise CrowdsimError(f"motion blur {self.motion_blur}: expected 0 to {MOST_BLUR} moments")
         try:
             check_background(self.background)
         except ValueError as error:

@@ -42,6 +42,7 @@ class Stage:
         size: Width and height [px].
         look: Light, background, marks and caption.
         mark: A text that differs whenever a picture would.
+        finer: Draws the moments that pictures with motion blur are the mean of; None for sharp ones.
     """
 
     source: PoseSource
@@ -50,6 +51,7 @@ class Stage:
     size: tuple[int, int]
     look: Look
     mark: str
+    finer: Stage | None = None
 
     def picture(self, frame: int, threads: int = 1, stop: int | None = None) -> Array:
         """Draw a frame.
@@ -62,6 +64,24 @@ class Stage:
         Returns:
             Shape (height, width, 3), uint8; with a fourth channel, how figures cover, where the look is transparent.
         """
+        picture = self._blurred(frame, threads, stop) if self.finer else self._still(frame, threads, stop)
+        if self.look.caption and not self.look.transparent:
+            draw_caption(picture, self.title(frame))
+        return picture
+
+    def _blurred(self, frame: int, threads: int, stop: int | None) -> Array:
+        """Draw the mean of what an open shutter sees for half a frame, in linear light."""
+        assert self.finer is not None
+        samples = self.look.motion_blur
+        first, end = 2 * samples * frame, 2 * samples * (stop or frame + 1)
+        last = self.finer.source.frame_count - 1
+        total: Array = np.float32(0.0)  # type: ignore[assignment]
+        for sample in range(samples):
+            total = total + self.finer._still(min(first + sample, last), threads, end).astype(np.float32) ** 2
+        return np.asarray((np.sqrt(total / samples) + 0.5).astype(np.uint8))
+
+    def _still(self, frame: int, threads: int, stop: int | None) -> Array:
+        """Draw a frame without motion blur and caption."""
         points, ages, speeds, outcomes = self.source.recent_strikes(frame)
         shown = Shown(stop or frame + 1, self.scales)
         capsules = self.cast.place(self.source.poses(frame, shown), self.source.markers(frame))
@@ -91,8 +111,6 @@ class Stage:
         picture = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
         for edge in edges[1:-1]:
             picture[:, max(edge - 1, 0) : edge + 1] = _BETWEEN
-        if self.look.caption and not self.look.transparent:
-            draw_caption(picture, self.title(frame))
         return picture
 
     def scales(self, frame: int) -> Array:
@@ -157,13 +175,28 @@ def build_stage(
         source.avatar_girths,
         source.avatar_stretches,
     )
-    seen: tuple[Track, ...] = tuple(tracks[one] for one in cameras[0])
-    if shots:
-        spans = [
-            shot.span.resolve(source.frame_count, source.fps, getattr(source, "frame_limit", None)) for shot in shots
-        ]
-        edited = EditedSource(source, tuple(spans))
-        cuts = [tracks[one] for (one,) in cameras]
-        seen = (Track(edited.view([track.view for track in cuts]), cuts[0].sun),)
-        source = edited
-    return Stage(source, cast, seen, size, look, hashlib.sha256(json.dumps(content).encode()).hexdigest()[:32])
+    mark = hashlib.sha256(json.dumps(content).encode()).hexdigest()[:32]
+
+    limit = getattr(source, "frame_limit", None)
+    spans = [shot.span.resolve(source.frame_count, source.fps, limit) for shot in shots]
+
+    def stage(source: PoseSource, scale: int, finer: Stage | None = None) -> Stage:
+        """Return the stage of the source at a multiple of its rate."""
+        seen = [[_slowed(tracks[one], scale) for one in several] for several in cameras]
+        if not shots:
+            return Stage(source, cast, tuple(seen[0]), size, look, mark, finer)
+        edited = EditedSource(source, tuple((start * scale, end * scale) for start, end in spans))
+        track = Track(edited.view([one.view for (one,) in seen]), seen[0][0].sun)
+        return Stage(edited, cast, (track,), size, look, mark, finer)
+
+    if not look.motion_blur:
+        return stage(source, 1)
+    at_rate, scale = getattr(source, "at_rate", None), 2 * look.motion_blur
+    if at_rate is None:
+        raise CrowdsimError(f"{source.name}: is no run, of which alone pictures have motion blur")
+    return stage(source, 1, stage(at_rate(scale * source.fps), scale))
+
+
+def _slowed(track: Track, scale: int) -> Track:
+    """Return a track for frames that follow one another so many times as fast."""
+    return track if scale == 1 else Track(lambda frame: track.view(frame / scale), track.sun)

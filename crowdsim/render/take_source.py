@@ -101,6 +101,11 @@ class TakeSource:
         """Build again from the arguments on the other side."""
         return TakeSource, self._arguments
 
+    def at_rate(self, fps: float) -> TakeSource:
+        """Return the same take at another frame rate."""
+        take, policies, _, name, threads, arena, cameras = self._arguments
+        return TakeSource(take, policies, fps, name, threads, arena, cameras)
+
     def ground(self, frames: Array) -> Array:
         """Return the ground transforms of all avatars at some frames; NaN while absent. Shape (n, N, 3)."""
         # The sampler keeps the rows that it has read last.

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
 from importlib import import_module
 from operator import or_
-from pathlib import Path
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, create_model
 
-from crowdsim.config.files import Faults, Finding, StrictModel, load_model
-from crowdsim.errors import CrowdsimError, TakeError, nearest
+from crowdsim.config.files import Finding, StrictModel
+from crowdsim.errors import CrowdsimError, TakeError
 from crowdsim.scenario.camera import Camera, avatar_number, parse_camera
 from crowdsim.scenario.frame_ranges import FrameRange, parse_frames
 from crowdsim.scenario.parts import Name
@@ -23,7 +21,7 @@ from crowdsim.scenario.parts import Name
 _FIRST = ("auto", "fight", "orbit", "follow", "eye", "top", "side", "front", "fixed", "path")
 """Kinds that come first, in this order, in messages and documents; the others follow by name."""
 _TIME = r"\s*\d+(\.\d+)?\s*s\s*"
-_MOST = 10_000
+MOST = 10_000
 """How many cameras and shots there may be."""
 
 
@@ -82,25 +80,7 @@ else:
         __doc__=_Shot.__doc__,
         **{"from": (Time, Field(default=0, description="Begin: an output frame, or a time such as `4s`."))},
     )
-Shots = Annotated[tuple[Shot, ...], Field(max_length=_MOST)]
-
-
-class CameraFile(StrictModel):
-    """A file of cameras, and of shots that they take."""
-
-    cameras: Cameras = Field(default_factory=dict, max_length=_MOST, description="Cameras by name.")
-    shots: Shots = Field(default=(), description="Shots of an edited video, in their order.")
-
-    @model_validator(mode="after")
-    def _check(self) -> CameraFile:
-        findings = [
-            Finding(("shots", i, *finding.loc), finding.message)
-            for i, shot in enumerate(self.shots)
-            for finding in _shot_findings(shot, self.cameras, None)
-        ]
-        if findings:
-            raise Faults(findings)
-        return self
+Shots = Annotated[tuple[Shot, ...], Field(max_length=MOST)]
 
 
 def chosen_cameras(chosen: Chosen, cameras: Mapping[str, Camera] | None = None) -> tuple[Camera, ...]:
@@ -147,64 +127,15 @@ def choice_findings(chosen: Chosen, cameras: Mapping[str, Camera], names: Sequen
                 yield finding
 
 
-def load_cameras(path: Path) -> CameraFile:
-    """Return the cameras and shots of a file, which may be a scenario.
-
-    Raises:
-        CrowdsimError: The file cannot be read or is invalid.
-    """
-    text = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
-    if re.search(r"^groups\s*:", text, re.MULTILINE):
-        from crowdsim.scenario.scenario import load_scenario
-
-        scenario = load_scenario(path)
-        render = scenario.outputs.render
-        return CameraFile(cameras=scenario.cameras, shots=() if render is None else render.shots)
-    return load_model(path, CameraFile, CrowdsimError)
-
-
-def read_shots(path: Path) -> tuple[Any, ...]:
-    """Return the shots of a file, which may be a scenario, with the keys of their cameras.
-
-    Raises:
-        CrowdsimError: The file cannot be read, is invalid, or has no shots.
-    """
-    file = load_cameras(path)
-    if not file.shots:
-        raise CrowdsimError(f"{path}: has no shots, expected a list 'shots' of mappings with camera, from and to")
-    return tuple(
-        shot.model_copy(update={"camera": file.cameras.get(shot.camera, shot.camera)})
-        if isinstance(shot.camera, str)
-        else shot
-        for shot in file.shots
-    )
-
-
-def camera_in_file(text: str) -> Camera | None:
-    """Return the camera that ``FILE.yaml#name`` means; None where the text is no such thing.
-
-    Raises:
-        CrowdsimError: The file is invalid, or has no such camera.
-    """
-    match = re.fullmatch(r"(.+\.ya?ml)(?:#(.*))?", text, re.IGNORECASE)
-    if match is None:
-        return None
-    cameras = load_cameras(Path(match[1])).cameras
-    name = match[2] if match[2] else next(iter(cameras), "") if len(cameras) == 1 else ""
-    if name not in cameras:
-        known = f"expected {match[1]}#NAME with one of {', '.join(cameras)}" if cameras else "the file has no cameras"
-        raise CrowdsimError(f"camera {text!r} is unknown, {known}{nearest(name, cameras)}")
-    return cameras[name]
-
-
 def shot_findings(shots: Sequence[Any], cameras: Mapping[str, Camera], names: Sequence[str]) -> Iterator[Finding]:
     """Yield what is wrong with shots in a scenario with these cameras and names of avatars."""
     for i, shot in enumerate(shots):
-        for finding in _shot_findings(shot, cameras, names):
+        for finding in shot_faults(shot, cameras, names):
             yield replace(finding, loc=(i, *finding.loc))
 
 
-def _shot_findings(shot: Any, cameras: Mapping[str, Camera], names: Sequence[str] | None) -> Iterator[Finding]:
+def shot_faults(shot: Any, cameras: Mapping[str, Camera], names: Sequence[str] | None) -> Iterator[Finding]:
+    """Yield what is wrong with a shot; arguments as of ``choice_findings``."""
     for finding in choice_findings(shot.camera, cameras, names):
         yield replace(finding, loc=("camera", *finding.loc))
     if isinstance(shot.camera, str) and "+" in shot.camera:

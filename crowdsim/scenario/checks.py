@@ -113,6 +113,7 @@ def sense_findings(scenario: Description) -> list[Finding]:
         _crowd_findings(scenario),
         _search_findings(scenario),
         scenario.outputs.findings(scenario.avatar_count),
+        _name_findings(scenario),
         _camera_findings(scenario),
         fight_findings(scenario),
     )
@@ -139,12 +140,24 @@ def _crowd_findings(scenario: Description) -> Iterator[Finding]:
                 yield from _opponents_findings(crowd, i, event.opponents, ("events", j, "opponents"))
 
 
+def _name_findings(scenario: Description) -> Iterator[Finding]:
+    """Yield a finding for each name among the avatars of an output that is none."""
+    for output in scenario.outputs.wanted():
+        for i, avatar in enumerate(getattr(output, "avatars", None) or ()):
+            if isinstance(avatar, str) and scenario.members(avatar) is None:
+                groups = [group.name or f"group{number + 1}" for number, group in enumerate(scenario.groups)]
+                known = list(dict.fromkeys([*groups, *scenario.teams, *islice(scenario.avatar_names(), 200)]))
+                some_of = some([*dict.fromkeys([*groups, *scenario.teams])])
+                what = f"{show(avatar)}, expected the number or name of an avatar, or {some_of}{nearest(avatar, known)}"
+                yield output.place(Finding(("avatars", i), what))
+
+
 def _camera_findings(scenario: Description) -> Iterator[Finding]:
     """Yield a finding for each camera that is named like a kind, and for cameras and avatars that there are not."""
     render, names = scenario.outputs.render, scenario.avatar_names() if scenario.cameras else []
     for name, camera in scenario.cameras.items():
         if name in KINDS:
-            what = f"{show(name)} is the name of a kind of cameras, expected another name"
+            what = f"{show(name)}, which is a kind of cameras, expected another name"
             yield Finding(("cameras", name), what)
         for finding in check_avatars(camera, names):
             yield replace(finding, loc=("cameras", name, *finding.loc))

@@ -181,6 +181,21 @@ class Description(StrictModel):
             for number in range(group.count)
         ]
 
+    def members(self, name: str) -> list[int] | None:
+        """Return the numbers of the avatar, or of the avatars of the group or team, of a name; None for other names."""
+        first, found = 0, False
+        numbers: list[int] = []
+        for i, group in enumerate(self.groups):
+            own = group.name or f"group{i + 1}"
+            prefix, _, number = name.rpartition("_")
+            if prefix == own and number.isdecimal() and int(number) < group.count:
+                return [first + int(number)]
+            if name in (own, group.team):
+                found = True
+                numbers += range(first, first + group.count)
+            first += group.count
+        return numbers if found else None
+
     def avatar_name(self, avatar: int) -> str:
         """Return the name of an avatar, its group's and a number that grows from 0: ``red_07``."""
         for i, group in enumerate(self.groups):

@@ -13,6 +13,8 @@ from crowdsim.errors import nearest
 MARKS = ("none", "landed", "all")
 LIGHTS = ("day", "soft", "evening", "night")
 BACKGROUNDS = ("day", "dark", "studio", "white", "black", "green")
+MOST_BLUR = 64
+"""Of how many moments a picture may be the mean."""
 _COLOUR = "#[0-9a-fA-F]{6}"
 
 Marks = Literal["none", "landed", "all"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
@@ -52,9 +52,10 @@ class _Outputs(StrictModel):
         update = {output.name: output.resolved(fps) for output in self.wanted()}
         return self.model_copy(update=update)  # type: ignore[return-value]
 
-    def named(self, cameras: Mapping[str, Camera]) -> Outputs:
-        """Return these with the keys of cameras instead of their names."""
-        return self if self.render is None else self.model_copy(update={"render": self.render.named(cameras)})  # type: ignore[return-value]
+    def named(self, members: Callable[[str], Sequence[int] | None], cameras: Mapping[str, Camera]) -> Outputs:
+        """Return these with what names in them stand for, see ``Output.named``."""
+        update = {output.name: output.named(members, cameras) for output in self.wanted()}
+        return self.model_copy(update=update)  # type: ignore[return-value]
 
     def findings(self, avatars: int) -> Iterator[Finding]:
         """Yield what is wrong with them for a number of avatars, as keys of the scenario."""

@@ -209,7 +209,7 @@ def resolve_scenario(scenario: Scenario, folder: FileName = ".") -> Scenario:
         update={
             "types": _merged_types(scenario),
             "groups": tuple(groups),
-            "outputs": scenario.outputs.resolved(scenario.fps).named(scenario.cameras),
+            "outputs": scenario.outputs.resolved(scenario.fps).named(scenario.members, scenario.cameras),
         }
     )
     resolved = with_search(resolved, scenario.opponents.search)

@@ -18,7 +18,8 @@ from crowdsim.render.command import (
 from crowdsim.render.look import Look
 from crowdsim.render.options import RenderOptions
 from crowdsim.render.stage import build_stage
-from crowdsim.scenario.cameras import Shot, read_shots
+from crowdsim.scenario.camera_files import read_shots
+from crowdsim.scenario.cameras import Shot
 
 SMALL = RenderOptions(size=(64, 48), threads=1)
 
