@@ -17,7 +17,7 @@ from crowdsim.render.crowd_path import between, hann
 
 HEADINGS = 48
 """Headings that a camera may look in."""
-_MOVE, _RISE = 0.03, 0.12
+_MOVE, _RISE = 0.05, 0.15
 """Cost of moving on to the next heading or elevation."""
 _JUMP = 4
 """A cut changes the heading by so many steps at the least: less looks like an error."""

@@ -26,14 +26,14 @@ _ELEVATIONS = np.radians([4.0, 15.0, 27.0, 38.0])
 _HEADINGS = np.arange(HEADINGS) * (2.0 * math.pi / HEADINGS)
 _BEST, _SPREAD = math.radians(58.0), math.radians(32.0)
 """Angle between the view and the line between opponents that looks best, and how far off it may be."""
-_OBLIQUE, _HIGH, _AGAINST_LIGHT, _BLOCKED, _HIDDEN = 0.12, 0.04, 0.08, 0.5, 10.0
+_OBLIQUE, _HIGH, _AGAINST_LIGHT, _BLOCKED, _HIDDEN = 0.12, 0.04, 0.15, 0.5, 10.0
 """Costs at a moment: of another angle than the best, of looking down by ten degrees, of looking against the light, of a
 body in the way; and of a hidden strike."""
 _LITTLE, _ENOUGH = 0.35, 0.65
 """Shares of a limb and of a face that are as good as hidden, and as good as seen."""
-_CUT, _MID_ACTION = 1.0, 30.0
+_CUT, _MID_ACTION = 2.0, 30.0
 """Costs of a cut at a lull, and during an exchange."""
-_LULL = (0.3, 0.2)
+_LULL = (0.4, 0.3)
 """A lull is so long before the next strike and after the last one [s]."""
 _SMOOTH = 0.4
 """Time to either side over which movement is smoothed [s]."""
@@ -42,8 +42,8 @@ _WINDOW = 1.5
 _MOST_STRIKES = 4000
 _CLOSE = 1.0
 """How far from an avatar that is shown a strike may be that concerns it [m]."""
-_TRUNK = 0.2
-"""Radius of what stands for a body in the way [m]."""
+_TRUNK, _CLEAR = 0.2, 1.3
+"""Radius of what stands for a body in the way, and how far from bodies the camera stays [m]."""
 
 
 class FightCamera(Camera):
@@ -186,7 +186,9 @@ def _blocked_costs(footage: Footage, moment: int, shown: Array, eyes: Array) -> 
             [[ground[avatar, 0], share * crowd.heights[avatar], ground[avatar, 1]] for share in (0.7, 0.92)]
         )
         hidden += 1.0 - are_in_sight(place, eyes, shapes[bodies != avatar]).mean(axis=1)
-    return np.asarray(_BLOCKED * hidden / len(shown))
+    gaps = np.linalg.norm(eyes[:, None, [0, 2]] - np.stack([x, z], axis=1), axis=-1).min(axis=1)
+    near = np.clip(1.0 - gaps / _CLEAR, 0.0, 1.0) * (eyes[:, 1] < 1.2 * tall.max())
+    return np.asarray(_BLOCKED * (hidden / len(shown) + 2.0 * near))
 
 
 def _hidden_costs(strike: Strike, eyes: Array) -> Array:

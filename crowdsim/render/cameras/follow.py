@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
 _ASIDE = 0.30
 """How far aside of straight behind it looks from [rad]."""
-_TURN, _BLOCKED, _TRUNK = 0.8, 1.0, 0.22
-"""Costs of looking from elsewhere [1/rad^2] and of a body in the way, and that body's radius [m]."""
+_TURN, _BLOCKED, _TRUNK, _CLEAR = 0.8, 1.0, 0.22, 1.0
+"""Costs of looking from elsewhere [1/rad^2] and of a body in the way, that body's radius, and how far from bodies the
+camera stays [m]."""
 _POSITION, _HEADING = 0.8, 1.6
 """Times to either side over which the avatar's position and heading are smoothed [s]."""
 
@@ -103,7 +104,9 @@ def _detours(
         )
         body = np.array([[place[0], share * crowd.heights[number], place[1]] for share in (0.4, 0.65, 0.9)])
         off = (around - wanted[moment] + math.pi) % (2.0 * math.pi) - math.pi
-        costs[moment, :, 0] = _TURN * off**2 + _BLOCKED * (1.0 - are_in_sight(body, eyes, shapes).mean(axis=1))
+        gaps = np.linalg.norm(eyes[:, None, [0, 2]] - ground[near, :2], axis=-1).min(axis=1, initial=_CLEAR)
+        hidden = 1.0 - are_in_sight(body, eyes, shapes).mean(axis=1)
+        costs[moment, :, 0] = _TURN * off**2 + _BLOCKED * (hidden + 1.0 - gaps / _CLEAR)
     course = find_course(costs, np.zeros(1), np.full(len(costs), np.inf), max(1, round(0.75 * crowd.fps / crowd.step)))
     found = course.angles[0][:, 0]
     # The course is in steps: only its distance from the wanted heading counts where nothing is in the way.
