@@ -44,6 +44,7 @@ from crowdsim.crowd.profiling import with_avatars
 from crowdsim.motion import quaternion
 from crowdsim.preparation.prepare import load_policies
 from crowdsim.render.batch import render
+from crowdsim.render.look import Look
 from crowdsim.render.options import RenderOptions
 from crowdsim.render.stage import build_stage
 from crowdsim.render.take_source import TakeSource
@@ -144,7 +145,7 @@ def with_open3d(sizes: Sizes) -> float:
 
     count, size, frames = sizes.boxers["30"], sizes.picture, sizes.open3d
     source = boxers(count, frames / FPS)
-    stage = build_stage(source, size, caption=False)
+    stage = build_stage(source, size, look=Look(caption=False))
     window = o3d.visualization.Visualizer()
     if not window.create_window(width=size[0], height=size[1], visible=False):
         raise SystemExit("no window")

@@ -273,6 +273,36 @@ def detectors(results: Results) -> list[str]:
     return results.table(["", "measured"], rows, "performer")
 
 
+CAMERA_GOAL = 0.8
+"""Share of strikes that the camera is to show."""
+
+
+def cameras(results: Results) -> list[str]:
+    """Return how much cameras show of strikes that land, and how calm the camera is; bold where the goal is missed."""
+    rows = []
+    for scene in ("duel", "bout"):
+        for camera in ("auto", "side"):
+            seen = results.cell(percent, "cameras", scene, camera, "seen_share")
+            is_missed = camera == "auto" and (results.get("cameras", scene, camera, "seen_share") or 0.0) < CAMERA_GOAL
+            rows.append([
+                f"`{scene}`, `{camera}`",
+                f"**{seen}**" if is_missed and results.has("cameras", scene) else seen,
+                *(results.cell(percent, "cameras", scene, camera, key) for key in ("glove_share", "face_share")),
+                *(results.cell(number, "cameras", scene, key) if camera == "auto" else ""
+                  for key in ("cuts_per_minute", "turn_median", "turn_99")),
+            ])  # fmt: skip
+    header = [
+        "",
+        "both are seen",
+        "glove",
+        "face",
+        "cuts per minute",
+        "turns [degrees/s], median",
+        "in one of 100 frames",
+    ]
+    return results.table(header, rows, "cameras")
+
+
 QUALITY_TABLES: dict[str, Callable[[Results], list[str]]] = {
     "scenes": scenes,
     "crowds": crowds,
@@ -283,6 +313,7 @@ QUALITY_TABLES: dict[str, Callable[[Results], list[str]]] = {
     "transitions": transitions,
     "decisions": decisions,
     "smoothness": smoothness,
+    "cameras": cameras,
     "poses": poses,
     "contact": contact,
     "performer": performer,

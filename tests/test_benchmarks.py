@@ -73,6 +73,7 @@ KEYS = {
         *(f"killed.{name}" for name in ("killed_after_frames", "lost_frames", "control_seconds", "identical")),
         "read.short_milliseconds", "large.writing_over_control", "large.writing_over_disk",
     ],
+    "cameras": [f"{scene}.{camera}.seen_share" for scene in ("duel", "bout") for camera in ("auto", "side")],
     "poses": [f"{name}.poses_per_s" for name in ("threads_1", "threads_2", "crowd_of_10000_by_8_frames")],
 }  # fmt: skip
 
@@ -89,6 +90,7 @@ MAY_BE_NULL = {
         if ".apart." in key or ".decisions." in key or ".falls." in key or ".rests." in key
     ),
     *(key for key in KEYS["fights"] if key.startswith("lying.")),
+    *KEYS["cameras"],
 }
 
 

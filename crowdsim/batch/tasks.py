@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -131,6 +131,7 @@ def finish(job: Job, *_: None) -> None:
 
 def thumbnail(job: Job, path: Path, *_: None) -> None:
     """Draw a small picture of a finished take, at half its time."""
+    from crowdsim.render.look import Look
     from crowdsim.render.options import RenderOptions
     from crowdsim.render.video import write_png
 
@@ -138,7 +139,7 @@ def thumbnail(job: Job, path: Path, *_: None) -> None:
         take = _take(job)
         # The camera follows the crowd through all frames of its source, so there are few.
         source = _open(job, min(30.0, _MOMENTS / max(take.frame_count / take.control_rate, 1.0)))
-        stage = RenderOptions(size=(256, 144), caption=False, threads=1).stage(source)
+        stage = RenderOptions(size=(256, 144), look=Look(caption=False), threads=1).stage(source)
         make_folder(path.parent)
         write_png(path, stage.picture(source.frame_count // 2), stage.mark)
 
@@ -163,7 +164,7 @@ def _join(job: Job, progress: Callable[[str, int, int], None]) -> None:
     width, height = options.size
     drawn = {
         "size": f"{width}x{height}", "fps": options.fps, "frames": options.frames, "camera": str(options.camera),
-        "caption": options.caption,
+        **asdict(options.look),
     }  # fmt: skip
 
     @contextmanager
@@ -179,13 +180,13 @@ def _join(job: Job, progress: Callable[[str, int, int], None]) -> None:
 
 def _source(job: Job) -> tuple[TakeSource, RenderOptions]:
     """Return the source of a run's pictures, and how they are drawn."""
+    from crowdsim.export.posed import extent_of
     from crowdsim.render.command import scenario_options
 
     wanted = job.run.outputs.render
     assert wanted is not None
-    options, source = scenario_options(wanted, 1), _open(job, wanted.fps)
-    first, stop = wanted.asked_frames() or (0, source.frame_count)
-    return source, replace(options, frames=(first, min(stop, source.frame_count)))
+    options, source = scenario_options(wanted, 1), _open(job, wanted.rate)
+    return source, replace(options, frames=wanted.frames_of(extent_of(source.take)))
 
 
 def _open(job: Job, fps: float) -> TakeSource:

@@ -22,7 +22,7 @@ def export(
         typer.Option(metavar="AVATARS", help="Numbers or names of avatars: 0-9 or 0,3,red_1; all by default."),
     ] = None,
     frames: Frames = None,
-    fps: Annotated[float, fps_option("Output frames a second")] = 60.0,
+    fps: Annotated[float | None, fps_option("Output frames a second; the scenario's")] = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder of bvh/, ply/ and the like; the run's, or one beside an archive."),
@@ -43,7 +43,7 @@ def export(
         run = open_run(unpacked)
         for line in run.notes:
             note(line)
-        outputs = choose_outputs(run, kinds, fps, frames, avatars, **options)
+        outputs = choose_outputs(run, kinds, fps or run.fps, frames, avatars, **options)
         uses = list(dict.fromkeys(output.kernels for output in outputs))
         with Bars() as bars, watch_compilation(bars.note, uses, threads):
             written = export_take(unpacked, run, run.policies, outputs, target, threads, bars, force)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,16 +26,33 @@ def render(
         Path | None, typer.Option(metavar="DIR", help="Folder of the pictures; with several things their parent.")
     ] = None,
     size: Annotated[str, typer.Option(metavar="WxH", help="Width and height, 1280x720 say.")] = "1280x720",
-    fps: Annotated[float | None, fps_option("Pictures a second, 30 or a BVH file's own rate by default")] = None,
+    fps: Annotated[float | None, fps_option("Pictures a second; the scenario's or BVH file's own")] = None,
     frames: Frames = None,
     camera: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="auto, orbit, top, side, follow:AVATAR; front+side for BVH files."),
+        typer.Option(
+            metavar="NAME",
+            help="auto, fight, orbit, top, side, front, follow:AVATAR, eye:AVATAR; one of the scenario's; "
+            "FILE.yaml#NAME; front+side for BVH files.",
+        ),
+    ] = None,
+    shots: Annotated[
+        Path | None, typer.Option(metavar="FILE.yaml", help="Edited video of the shots of a file or scenario.")
     ] = None,
     png: Annotated[bool, typer.Option("--png", help="Write numbered PNG.")] = False,
     mp4: Annotated[bool, typer.Option("--mp4", help="Write video.mp4; so it is when nothing else is named.")] = False,
     contact_sheet: Annotated[int, typer.Option(metavar="N", min=0, max=400, help="Write one PNG of N moments.")] = 0,
+    marks: Annotated[str, typer.Option(metavar="none|landed|all", help="Which strikes have marks.")] = "all",
+    grid: Annotated[bool, typer.Option(help="Squares of a metre on the floor.")] = True,
+    background: Annotated[
+        str, typer.Option(metavar="NAME", help="day, dark, studio, white, black, green or a colour as '#rrggbb'.")
+    ] = "day",
+    light: Annotated[str, typer.Option(metavar="NAME", help="day, soft, evening or night.")] = "day",
+    transparent: Annotated[bool, typer.Option("--transparent", help="PNG of the figures alone.")] = False,
     caption: Annotated[bool, typer.Option(help="A small caption in the picture.")] = True,
+    motion_blur: Annotated[
+        int, typer.Option(metavar="N", min=0, max=64, help="Moments that a picture mixes, of half a frame; 0 for none.")
+    ] = 0,
     threads: Threads = CORES,
     jobs: Annotated[int, typer.Option(metavar="N", min=1, max=256, help="Processes that draw.")] = 1,
     force: Force = False,
@@ -44,10 +62,12 @@ def render(
     from crowdsim.compilation import watch_compilation
     from crowdsim.render.batch import Place
     from crowdsim.render.command import parse_size, render_many
+    from crowdsim.render.look import Look
     from crowdsim.render.options import RenderOptions
     from crowdsim.render.take_source import TakeSource
     from crowdsim.runs.opening import open_run
     from crowdsim.runs.stage import write_pictures
+    from crowdsim.scenario.camera_files import read_shots
     from crowdsim.scenario.frame_ranges import parse_frames
 
     options = RenderOptions(
@@ -58,7 +78,8 @@ def render(
         mp4=mp4 or not (png or contact_sheet),
         png=png,
         contact_sheet=contact_sheet,
-        caption=caption,
+        look=Look(marks, grid, background, light, transparent, caption, motion_blur),
+        shots=() if shots is None else read_shots(shots),
         threads=threads,
         jobs=jobs,
     )
@@ -68,10 +89,11 @@ def render(
     def open_source(path: Path, wanted: RenderOptions) -> tuple[TakeSource, tuple[str, ...]]:
         folder = unpacked.enter_context(opened_run(path))
         run = open_run(folder)
-        source = TakeSource(run, run.policies, wanted.fps or 30.0, threads=threads, arena=run.arena)
+        fps = wanted.fps or run.fps
+        source = TakeSource(run, run.policies, fps, threads=threads, arena=run.arena, cameras=run.cameras)
         return source, run.notes
 
-    drawn = {"size": size, "fps": fps, "frames": frames, "camera": camera, "caption": caption}
+    drawn = {"size": size, "fps": fps, "frames": frames, "camera": camera, **asdict(options.look)}
 
     @contextmanager
     def record(folder: Path, planned: Sequence[Path], mark: str) -> Iterator[Place]:

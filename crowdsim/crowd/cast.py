@@ -97,8 +97,25 @@ class Cast:
             raise TakeError(f"there is no avatar {avatar}, expected 0 to {len(names) - 1}, or its name")
         return int(avatar)
 
+    def members(self, name: int | str) -> Array:
+        """Return the numbers of the avatars that a number or name means: an avatar, a group, a type or a team.
+
+        Raises:
+            TakeError: There is none of these; the message names near ones.
+        """
+        if isinstance(name, str) and not (self.names == name).any():
+            of_group = np.char.rpartition(np.asarray(self.names, str), "_")[:, 0] == name
+            if of_group.any():
+                return np.flatnonzero(of_group)
+            for known, each in ((self.type_names, self.types), (self.team_names, self.teams)):
+                if name in known:
+                    return np.flatnonzero(np.asarray(each) == known.index(name))
+        return np.array([self.number(name)])
+
     def numbers(self, avatars: ArrayLike | None) -> Array:
         """Return the numbers of avatars that are given by numbers or names, in any mixture; all when None.
+
+        A name may be that of a group, a type or a team as well, see ``members``.
 
         Raises:
             TakeError: There is no such avatar; the message names near ones.
@@ -109,7 +126,7 @@ class Cast:
         numbers = np.asarray(given)
         if numbers.dtype.kind in "iu" and ((numbers >= 0) & (numbers < len(self.names))).all():
             return numbers
-        return np.array([self.number(avatar) for avatar in given], np.int64)
+        return np.concatenate([self.members(avatar) for avatar in given] or [np.zeros(0, np.int64)])
 
     def first(self, count: int) -> Cast:
         """Return what is constant for the first avatars."""

@@ -58,4 +58,4 @@ class CloudOutput(PosedOutput):
         first, stop = self.frames_of(extent_of(sampler.take))
         if missing:
             first = min(int(Path(name).stem) for name in missing)
-        return CloudSink(sampler, folder, self.name, self.rate, self.points, (first, stop), self.every, self.avatars)
+        return CloudSink(sampler, folder, self.name, self.rate, self.points, (first, stop), self.every, self.numbers)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ from crowdsim.core.types import Array, Progress
 from crowdsim.errors import OutputError
 from crowdsim.export.stream import Sink, stream_poses
 from crowdsim.files import exists_plain, make_inside, write_plain
+from crowdsim.scenario.camera import Camera
 from crowdsim.scenario.output import Avatars, Extent, Output, Ranged, Series
 from crowdsim.scenario.rates import rate_text
 
@@ -71,7 +72,8 @@ class PosedOutput(Ranged):
     """
 
     avatars: Avatars | None = Field(
-        default=None, description="Numbers of the avatars to write, from 0; without it all."
+        default=None,
+        description="Numbers of the avatars to write, from 0, or names of avatars, groups and teams; without it all.",
     )
 
     @classmethod
@@ -110,12 +112,24 @@ class PosedOutput(Ranged):
 
     def chosen(self, count: int) -> Sequence[int]:
         """Return the numbers of its avatars, ascending, of ``count`` that there are."""
-        return range(count) if self.avatars is None else sorted(set(self.avatars))
+        return range(count) if self.avatars is None else self.numbers or ()
+
+    @property
+    def numbers(self) -> list[int] | None:
+        """Numbers of its avatars, ascending, once names among them are numbers; None for all."""
+        return None if self.avatars is None else sorted({int(avatar) for avatar in self.avatars})
+
+    def named(self, members: Callable[[str], Sequence[int] | None], cameras: Mapping[str, Camera]) -> PosedOutput:
+        """Return it with the numbers of its avatars."""
+        if self.avatars is None or all(isinstance(avatar, int) for avatar in self.avatars):
+            return self
+        numbers = [[avatar] if isinstance(avatar, int) else members(avatar) or () for avatar in self.avatars]
+        return self.model_copy(update={"avatars": tuple(sorted({one for found in numbers for one in found}))})
 
     def findings(self, avatars: int) -> Iterator[Finding]:
         """Yield a finding for each avatar that there is not."""
         for i, avatar in enumerate(self.avatars or ()):
-            if avatar >= avatars:
+            if isinstance(avatar, int) and avatar >= avatars:
                 yield Finding(("avatars", i), f"{show(avatar)}, expected an avatar from 0 to {avatars - 1}")
 
     def within(self, extent: Extent) -> PosedOutput:

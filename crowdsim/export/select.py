@@ -9,7 +9,9 @@ from crowdsim.errors import TakeError
 
 
 def parse_avatars(text: str | None, cast: Cast) -> list[int] | None:
-    """Return the numbers that '0-9' or '0,3,red_1' means, ascending; None for all.
+    """Return the numbers that '0-9' or '0,3,red_1,blue' means, ascending; None for all.
+
+    A name is that of an avatar, a group, a type or a team.
 
     Raises:
         TakeError: It means none, or avatars that the take does not have.
@@ -20,7 +22,10 @@ def parse_avatars(text: str | None, cast: Cast) -> list[int] | None:
     for part in text.split(","):
         match = re.fullmatch(r"\s*(\d+)\s*(?:-\s*(\d+)\s*)?", part)
         try:
-            first, last = (int(match[1]), int(match[2] or match[1])) if match else (cast.number(part.strip()),) * 2
+            if match is None:
+                numbers.update(cast.members(part.strip()).tolist())
+                continue
+            first, last = int(match[1]), int(match[2] or match[1])
             cast.number(last)
         except TakeError as error:
             raise TakeError(f"avatars {text!r}: {error}{'' if match else ', or a range as in 0-9'}") from None

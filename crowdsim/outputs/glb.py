@@ -66,7 +66,7 @@ class GlbOutput(PosedOutput):
         from crowdsim.export.gltf import GltfSink
 
         frames = self.frames_of(extent_of(sampler.take))
-        return GltfSink(sampler, folder / Path(_FILE).name, self.rate, frames, self.avatars, self.rotations)
+        return GltfSink(sampler, folder / Path(_FILE).name, self.rate, frames, self.numbers, self.rotations)
 
 
 OUTPUT = GlbOutput

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, model_validator
 
-from crowdsim.config.files import Fault, Finding, StrictModel
-from crowdsim.config.findings import show
+from crowdsim.config.files import Fault, Finding
+from crowdsim.errors import TakeError
+from crowdsim.scenario.camera import Camera
+from crowdsim.scenario.cameras import Chosen, Shots
+from crowdsim.scenario.frame_ranges import output_frames
+from crowdsim.scenario.looks import MOST_BLUR, Background, Light, Marks
 from crowdsim.scenario.output import Extent, Ranged, Series
-from crowdsim.scenario.parts import MAXIMUM_SECONDS, Metres
 from crowdsim.scenario.rates import PictureRate
 
 if TYPE_CHECKING:
@@ -24,37 +27,6 @@ _PNG_BYTES, _VIDEO_BYTES = 1.0, 0.1
 _PICTURE_SECONDS, _FIGURE_SECONDS, _PIXEL_SECONDS = 0.02, 4e-4, 8e-8
 
 
-class FollowCamera(StrictModel):
-    """A camera that follows an avatar."""
-
-    kind: Literal["follow"] = Field(description="Follows an avatar.")
-    avatar: int = Field(default=0, ge=0, description="Number of the avatar, from 0.")
-
-
-class CameraKey(StrictModel):
-    """Where the camera is at a time."""
-
-    seconds: float = Field(ge=0, le=MAXIMUM_SECONDS, description="Time from the start of the run [s].")
-    position: tuple[Metres, Metres, Metres] = Field(description="Position of the camera, x, y and z [m].")
-    look_at: tuple[Metres, Metres, Metres] = Field(description="Point in the middle of the picture, x, y and z [m].")
-
-
-class KeyedCamera(StrictModel):
-    """A camera that moves smoothly through keys."""
-
-    kind: Literal["keys"] = Field(description="Moves smoothly through keys.")
-    keys: tuple[CameraKey, ...] = Field(min_length=1, description="Where it is at which time, in order of time.")
-
-    @model_validator(mode="after")
-    def _check(self) -> KeyedCamera:
-        for i in range(1, len(self.keys)):
-            if self.keys[i].seconds <= self.keys[i - 1].seconds:
-                before = self.keys[i - 1].seconds
-                raise Fault(f"is {self.keys[i].seconds}, expected more than {before} before it", "keys", i, "seconds")
-        return self
-
-
-Camera = Literal["auto", "orbit", "top", "side"] | Annotated[FollowCamera | KeyedCamera, Field(discriminator="kind")]
 Pixels = Annotated[int, Field(ge=16, le=8192)]
 
 
@@ -67,17 +39,39 @@ class RenderOutput(Ranged):
     kernels = "pictures"
     stage = "render"
 
-    fps: PictureRate = Field(default=30.0, description="Frames per second, or a fraction.")
+    fps: PictureRate | None = Field(
+        default=None, description="Frames per second, or a fraction; without it the scenario's `fps`."
+    )
     size: tuple[Pixels, Pixels] = Field(
         default=(1280, 720), description="Width and height [pixels]; even numbers for video."
     )
-    camera: Camera = Field(
-        default="auto", description="`auto`, `orbit`, `top`, `side`, one that follows, or one with keys."
+    camera: Chosen = Field(
+        default="auto",
+        description="The name of one of the scenario's `cameras`, a kind of camera such as `orbit` or `follow:red_0`, "
+        "two side by side as in `front+side`, or the keys of a camera.",
+    )
+    shots: Shots = Field(
+        default=(), description="Shots of an edited video, one after another, instead of the camera and `frames`."
     )
     mp4: bool = Field(default=True, description="Whether to write video.mp4.")
     png: bool = Field(default=False, description="Whether to write every frame as PNG.")
     contact_sheet: int | None = Field(default=None, ge=1, le=400, description="Number of moments on a contact sheet.")
+    marks: Marks = Field(default="all", description="Which strikes have marks: `none`, those that `landed`, or `all`.")
+    grid: bool = Field(default=True, description="Whether the floor has squares of a metre.")
+    background: Background = Field(
+        default="day", description="`day`, `dark`, `studio`, `white`, `black`, `green`, or a colour as '#rrggbb'."
+    )
+    light: Light = Field(default="day", description="`day`, `soft`, `evening` or `night`.")
+    transparent: bool = Field(
+        default=False, description="Whether PNG hold the figures alone, and how much of each pixel they cover."
+    )
     caption: bool = Field(default=True, description="Whether pictures have a small caption.")
+    motion_blur: int = Field(
+        default=0,
+        ge=0,
+        le=MOST_BLUR,
+        description="How many moments a picture is the mean of, while a shutter is open for half a frame; 0 for none.",
+    )
 
     @model_validator(mode="after")
     def _check(self) -> RenderOutput:
@@ -85,6 +79,10 @@ class RenderOutput(Ranged):
             raise Fault(f"is {list(self.size)}, expected even numbers for video", "size")
         if not (self.mp4 or self.png or self.contact_sheet):
             raise Fault("writes nothing, expected mp4, png or contact_sheet")
+        if self.transparent and self.mp4:
+            raise Fault("is true, which no video can be, expected mp4: false beside it", "transparent")
+        if self.shots and self.frames is not None:
+            raise Fault("are given beside shots, which have times of their own, expected one of them", "frames")
         return self
 
     @classmethod
@@ -92,11 +90,31 @@ class RenderOutput(Ranged):
         """Return the regular expression of the names of its files."""
         return r"frames/\d{6,}\.png|video\.mp4|contact_sheet\.png"
 
-    def findings(self, avatars: int) -> Iterator[Finding]:
-        """Yield a finding where the camera follows an avatar that there is not."""
-        if isinstance(self.camera, FollowCamera) and self.camera.avatar >= avatars:
-            what = f"{show(self.camera.avatar)}, expected an avatar from 0 to {avatars - 1}"
-            yield Finding(("camera", "avatar"), what)
+    def named(self, members: Callable[[str], Sequence[int] | None], cameras: Mapping[str, Camera]) -> RenderOutput:
+        """Return it with the keys of cameras instead of their names."""
+
+        def keys(chosen: Chosen) -> Chosen:
+            return cameras.get(chosen, chosen) if isinstance(chosen, str) else chosen
+
+        shots = tuple(shot.model_copy(update={"camera": keys(shot.camera)}) for shot in self.shots)
+        return self.model_copy(update={"camera": keys(self.camera), "shots": shots})
+
+    def frames_of(self, extent: Extent) -> tuple[int, int]:
+        """Return the first frame and the one after the last of those that a take has, or of an edited video."""
+        if not self.shots:
+            return super().frames_of(extent)
+        count = output_frames(extent.control_frames, extent.control_rate, self.rate)
+        spans = [shot.span.resolve(count, self.rate) for shot in self.shots]
+        return 0, sum(stop - start for start, stop in spans)
+
+    def findings_for(self, extent: Extent) -> Iterator[Finding]:
+        """Yield a finding for each shot of frames that a take does not have."""
+        count = output_frames(extent.control_frames, extent.control_rate, self.rate)
+        for i, shot in enumerate(self.shots):
+            try:
+                shot.span.resolve(count, self.rate)
+            except TakeError as error:
+                yield Finding(("shots", i), str(error))
 
     def files(self, extent: Extent, names: Sequence[str]) -> Iterator[str | Series]:
         """Yield the names of the pictures, the video and the contact sheet."""
@@ -110,7 +128,7 @@ class RenderOutput(Ranged):
         pixels, still = self.size[0] * self.size[1], self.contact_sheet or 0
         size = pixels * (moving * (_PNG_BYTES * self.png + _VIDEO_BYTES * self.mp4) + _PNG_BYTES * (still > 0))
         each = _PICTURE_SECONDS + _FIGURE_SECONDS * extent.avatars + _PIXEL_SECONDS * pixels
-        return size, (moving + still) * each
+        return size, (moving + still) * each * max(self.motion_blur, 1)
 
     def prepare(self) -> None:
         """Refuse a video where there is no ffmpeg.
@@ -151,11 +169,19 @@ class RenderOutput(Ranged):
             "--size",
             f"{self.size[0]}x{self.size[1]}",
             "--fps",
-            str(self.fps).removesuffix(".0"),
+            f"{self.rate:g}",
         ]
         words += ["--png"] * self.png + ["--mp4"] * self.mp4
         words += ["--contact-sheet", str(self.contact_sheet)] if self.contact_sheet else []
         words += ["--camera", self.camera] if isinstance(self.camera, str) else []
+        for name in ("marks", "background", "light"):
+            words += (
+                [f"--{name}", getattr(self, name)]
+                if getattr(self, name) != type(self).model_fields[name].default
+                else []
+            )
+        words += ["--motion-blur", str(self.motion_blur)] if self.motion_blur else []
+        words += ["--no-grid"] * (not self.grid) + ["--transparent"] * self.transparent
         words += ["--no-caption"] * (not self.caption) + ["--threads", "1"]
         frames = self.asked_frames()
         return words if frames is None else [*words, "--frames", f"{frames[0]}:{frames[1]}"]

@@ -78,8 +78,11 @@ def render(
         RunError: A file cannot be written.
     """
     options.check()
-    start, stop = options.frame_range(source)
+    if not options.shots:
+        # A camera takes a while to plan.
+        options.frame_range(source)
     stage = options.stage(source)
+    start, stop = options.frame_range(stage.source)
     if options.mp4:
         ffmpeg()
     planned = picture_files(out, (start, stop), options.mp4, options.png, options.contact_sheet)
@@ -91,7 +94,7 @@ def render(
         _make_folders(work, options.png, parts, stage.mark)
         works, kept = divide(stage, start, stop, work / "frames" if options.png else None, parts)
         with under_way():
-            _draw(stage, works, options, _counter(progress, kept, stop - start))
+            _draw(stage, source, works, options, _counter(progress, kept, stop - start))
             if parts:
                 join(work / "video.mp4", segment_files(parts, start, stop))
                 remove_parts(parts)
@@ -119,13 +122,16 @@ def draw_apart(source: PoseSource, out: Path, options: RenderOptions, progress: 
         OutputError: A folder cannot be made.
         RunError: A file cannot be written.
     """
-    start, stop = options.frame_range(source)
+    if not options.shots:
+        # A camera takes a while to plan.
+        options.frame_range(source)
     stage = options.stage(source)
+    start, stop = options.frame_range(stage.source)
     parts = out / f".video-{stage.mark[:16]}" if options.mp4 else None
     _make_folders(out, options.png, parts, stage.mark)
     works, kept = divide(stage, start, stop, out / "frames" if options.png else None, parts)
     with under_way():
-        _draw(stage, works, options, _counter(progress, kept, stop - start))
+        _draw(stage, source, works, options, _counter(progress, kept, stop - start))
     return out
 
 
@@ -185,10 +191,12 @@ def _counter(progress: Progress | None, kept: int, total: int) -> Callable[[int]
     return count
 
 
-def _draw(stage: Stage, works: list[Work], options: RenderOptions, count: Callable[[int], None]) -> None:
+def _draw(
+    stage: Stage, source: PoseSource, works: list[Work], options: RenderOptions, count: Callable[[int], None]
+) -> None:
     """Draw segments, in this process or in several."""
     if options.jobs > 1 and len(works) > 1:
-        share(works, stage.source, options, count)
+        share(works, source, options, count)
     else:
         for work in works:
             draw_segment(stage, work, options.thread_count, count)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from crowdsim.motion.skeleton import Clip
 from crowdsim.motion.tracks import clip_tracks
 from crowdsim.render.figure import Figure, bone_capsules
 from crowdsim.render.source import Shown, no_strikes
+from crowdsim.scenario.camera import Camera
 
 BVH_CAMERA = "front+side"
 MOST_FPS = 60.0
@@ -67,6 +68,11 @@ class ClipSource:
     def frame_count(self) -> int:
         """Number of frames."""
         return len(self.positions)
+
+    @property
+    def cameras(self) -> Mapping[str, Camera]:
+        """Return that a file has no cameras."""
+        return {}
 
     def ground(self, frames: Array) -> Array:
         """Return the ground transforms at some frames. Shape (n, 1, 3)."""
@@ -172,6 +178,11 @@ class PeopleSource:
     def frame_count(self) -> int:
         """Number of frames, of the shortest clip."""
         return min(one.frame_count for one in self.people)
+
+    @property
+    def cameras(self) -> Mapping[str, Camera]:
+        """Return that a file has no cameras."""
+        return {}
 
     @property
     def avatar_names(self) -> Sequence[str]:

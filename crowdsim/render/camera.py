@@ -1,4 +1,4 @@
-"""Cameras: where the eye is at every frame of a take.
+"""Cameras over a whole take: what they film, and how they are planned.
 
 A camera is made from the whole take before the first picture, so that any range of frames shows what the whole shows.
 It knows the crowd at a few moments a second.
@@ -9,33 +9,55 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.errors import CrowdsimError, nearest
+from crowdsim.errors import CrowdsimError
 from crowdsim.render.crowd_path import Crowd, between, filled, hann, watch
-from crowdsim.render.framing import HAZE, LEAST_HAZE, frame_crowd, orbit_crowd
-from crowdsim.render.raycast import sun_direction
-from crowdsim.render.source import PoseSource
-from crowdsim.render.view import View, look_at
+from crowdsim.render.view import View
+from crowdsim.scenario.camera_files import camera_in_file
+from crowdsim.scenario.cameras import Chosen, check_avatars, chosen_cameras
 
-CAMERAS = ("auto", "orbit", "follow:AVATAR", "top", "side", "front")
+if TYPE_CHECKING:
+    from crowdsim.render.source import PoseSource
+    from crowdsim.scenario.camera import Camera
 
 
 @dataclass(frozen=True)
-class Keys:
-    """A camera that moves through given positions.
+class Footage:
+    """What a camera films.
 
     Attributes:
-        seconds: Times, ascending [s]. Shape (K,).
-        positions: Position of the eye at each [m]. Shape (K, 3).
-        targets: What it looks at [m]. Shape (K, 3).
+        source: Where motion comes from.
+        crowd: Where the crowd is over the whole take.
+        size: Width and height of the picture [px].
     """
 
-    seconds: Array
-    positions: Array
-    targets: Array
+    source: PoseSource
+    crowd: Crowd
+    size: tuple[int, int]
+
+    def ground_path(self, avatar: int) -> tuple[Array, int]:
+        """Return ground transforms of an avatar at about ten moments a second (M, 3), headings unwrapped, and a step.
+
+        The step is the number of frames between them.
+        """
+        source = self.source
+        step = max(1, round(source.fps / 10.0))
+        frames = np.arange(0, max(source.frame_count, 1) - 1 + step, step).clip(max=max(source.frame_count - 1, 0))
+        block = max(1, 400_000 // max(len(source.avatar_teams), 1))
+        path = np.concatenate([source.ground(frames[i : i + block])[:, avatar] for i in range(0, len(frames), block)])
+        path = filled(path[:, None])[:, 0]
+        path[:, 2] = np.unwrap(path[:, 2])
+        return path, step
+
+    def path(self, avatar: int, seconds: float) -> Callable[[float], Array]:
+        """Return where an avatar is at a frame, x and z [m], smoothed over a time to either side [s]."""
+        path, step = self.ground_path(avatar)
+        smooth = hann(path[:, :2], max(1, round(seconds * self.source.fps / step)))
+        return lambda frame: between(smooth, frame / step)
 
 
 @dataclass(frozen=True)
@@ -47,110 +69,45 @@ class Track:
         sun: Unit direction to the sun. Shape (3,).
     """
 
-    view: Callable[[int], View]
+    view: Callable[[float], View]
     sun: Array
 
 
-def parse_camera(text: str, avatars: int | None = None, names: tuple[str, ...] = ()) -> str:
-    """Return the camera that a text names, ``follow:`` with a number; several joined by '+' are drawn side by side.
+def resolve_camera(source: PoseSource, chosen: Chosen) -> tuple[Camera, ...]:
+    """Return the cameras that are chosen for a source; of several, pictures are drawn side by side.
 
     Args:
-        text: 'auto', 'orbit', 'follow:3', 'follow:red_007', 'top', 'side', 'front', 'front+side'.
-        avatars: How many avatars there are, when that is known.
-        names: Their names.
+        source: What they film; its cameras can be had by name.
+        chosen: A camera; or text: the name of one, a kind, ``follow:AVATAR``, or ``FILE.yaml#NAME``; several joined by
+            '+'.
 
     Raises:
         CrowdsimError: There is no such camera or avatar.
     """
-    parts = []
-    for part in text.split("+"):
-        kind, colon, avatar = part.strip().partition(":")
-        if kind == "follow" and colon:
-            number = names.index(avatar) if avatar in names else int(avatar) if avatar.isdecimal() else -1
-            if number < 0 or (avatars is not None and number >= avatars):
-                known = f"0 to {avatars - 1}" if avatars else "0 on"
-                raise CrowdsimError(
-                    f"camera {part!r}: no avatar {avatar!r}, expected a number from {known}"
-                    + (f" or a name such as {names[0]!r}{nearest(avatar, names)}" if names else "")
-                )
-            parts.append(f"follow:{number}")
-        elif colon or kind not in CAMERAS:
-            hint = " (follow whom? 'follow:0' say)" if kind == "follow" else nearest(kind, CAMERAS)
-            raise CrowdsimError(f"camera {part!r} is unknown, expected one of {', '.join(CAMERAS)}{hint}")
-        else:
-            parts.append(kind)
-    return "+".join(parts)
+    in_file = camera_in_file(chosen) if isinstance(chosen, str) else None
+    found = (in_file,) if in_file is not None else chosen_cameras(chosen, source.cameras)
+    for camera in found:
+        for finding in check_avatars(camera, source.avatar_names):
+            raise CrowdsimError(f"camera {chosen if isinstance(chosen, str) else camera.kind!r}: {finding.message}")
+    return found
 
 
-def build_track(source: PoseSource, camera: str | Keys, size: tuple[int, int], crowd: Crowd | None = None) -> Track:
+def build_track(source: PoseSource, camera: Chosen, size: tuple[int, int], crowd: Crowd | None = None) -> Track:
     """Return one camera over a whole take.
 
     Args:
         source: The take.
-        camera: A name without '+', see ``parse_camera``, or keys.
+        camera: The camera, see ``resolve_camera``; not several.
         size: Width and height of the picture [px].
         crowd: What ``watch`` gives, where it is known already.
 
     Raises:
         CrowdsimError: There is no such camera or avatar.
     """
+    from crowdsim.render.raycast import sun_direction
+
     crowd = watch(source) if crowd is None else crowd
     # The sun is over the shoulder of the camera auto, so that shadows fall away from it and to the right.
     sun = sun_direction(crowd.facing + math.pi + 1.05)
-    if isinstance(camera, Keys):
-        return Track(_keyed(camera, source.fps), sun)
-    kind, _, avatar = parse_camera(camera, crowd.avatars, tuple(source.avatar_names)).partition(":")
-    if kind == "follow":
-        return Track(_following(source, int(avatar)), sun)
-    if kind == "orbit":
-        return Track(orbit_crowd(crowd, size), sun)
-    return Track(frame_crowd(crowd, kind, size), sun)
-
-
-def _following(source: PoseSource, avatar: int) -> Callable[[int], View]:
-    """A camera behind the shoulder of one avatar."""
-    step = max(1, round(source.fps / 10.0))
-    frames = np.arange(0, max(source.frame_count, 1) - 1 + step, step).clip(max=max(source.frame_count - 1, 0))
-    block = max(1, 400_000 // max(len(source.avatar_teams), 1))
-    path = np.concatenate([source.ground(frames[i : i + block])[:, avatar] for i in range(0, len(frames), block)])
-    path = filled(path[:, None])[:, 0]
-    tall = float(source.avatar_heights[avatar])
-    smooth = hann(path[:, :2], round(0.8 * source.fps / step))
-    headings = hann(np.unwrap(path[:, 2])[:, None], round(1.6 * source.fps / step))
-
-    def view(frame: int) -> View:
-        x, z = between(smooth, frame / step)
-        heading = float(between(headings, frame / step)[0])
-        forward = np.array([math.sin(heading), 0.0, math.cos(heading)])
-        left = np.array([forward[2], 0.0, -forward[0]])
-        stand = np.array([x, 0.0, z])
-        eye = stand + tall * (-2.4 * forward - 0.75 * left + np.array([0.0, 1.55, 0.0]))
-        return look_at(eye, stand + tall * (0.7 * forward + np.array([0.0, 0.5, 0.0])), 48.0)
-
-    return view
-
-
-def _keyed(keys: Keys, fps: float) -> Callable[[int], View]:
-    """A camera through keys, with a continuous velocity."""
-    seconds = np.asarray(keys.seconds, float)
-    both = np.concatenate([np.asarray(keys.positions, float), np.asarray(keys.targets, float)], axis=1)
-    if len(seconds) > 1:
-        slopes = np.gradient(both, seconds, axis=0)
-        slopes[0] = slopes[-1] = 0.0
-
-    def view(frame: int) -> View:
-        time = float(np.clip(frame / fps, seconds[0], seconds[-1]))
-        if len(seconds) == 1:
-            place = both[0]
-        else:
-            i = min(int(np.searchsorted(seconds, time, side="right")) - 1, len(seconds) - 2)
-            span = seconds[i + 1] - seconds[i]
-            t = (time - seconds[i]) / span
-            place = (
-                (1 + 2 * t) * (1 - t) ** 2 * both[i]
-                + t * t * (3 - 2 * t) * both[i + 1]
-                + span * t * (1 - t) * ((1 - t) * slopes[i] - t * slopes[i + 1])
-            )
-        return look_at(place[:3], place[3:], max(HAZE * float(np.linalg.norm(place[:3] - place[3:])), LEAST_HAZE))
-
-    return view
+    (one,) = resolve_camera(source, camera)
+    return Track(one.plan(Footage(source, crowd, size)), sun)

@@ -7,21 +7,18 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from crowdsim.bvh.people import split_person
 from crowdsim.core.types import FileName, Progress
 from crowdsim.errors import CrowdsimError, OutputError
 from crowdsim.render.batch import Record, Rendered, render
 from crowdsim.render.bvh_figure import BVH_CAMERA, bvh_source
-from crowdsim.render.camera import Keys, parse_camera
+from crowdsim.render.look import Look
 from crowdsim.render.options import RenderOptions
 from crowdsim.render.source import PoseSource
 
 __all__ = [
     "Outcome",
     "RenderOptions",
-    "parse_camera",
     "parse_size",
     "render_bvh",
     "render_many",
@@ -72,28 +69,16 @@ def parse_size(text: str) -> tuple[int, int]:
 
 def scenario_options(output: Any, threads: int | None = None) -> RenderOptions:
     """Return how to draw what the ``outputs.render`` section of a scenario asks for."""
-    camera = output.camera
-    chosen: str | Keys
-    if isinstance(camera, str):
-        chosen = camera
-    elif camera.kind == "follow":
-        chosen = f"follow:{camera.avatar}"
-    else:
-        keys = camera.keys
-        chosen = Keys(
-            np.array([key.seconds for key in keys], float),
-            np.array([key.position for key in keys], float),
-            np.array([key.look_at for key in keys], float),
-        )
     return RenderOptions(
         size=tuple(output.size),
-        fps=output.fps,
+        fps=output.rate,
         frames=output.asked_frames(),
-        camera=chosen,
+        camera=None if output.shots else output.camera,
         mp4=output.mp4,
         png=output.png,
         contact_sheet=output.contact_sheet or 0,
-        caption=output.caption,
+        look=Look.of(output),
+        shots=output.shots,
         threads=threads,
     )
 
@@ -117,7 +102,7 @@ def render_bvh(
 
 
 def _with_camera(options: RenderOptions, camera: str) -> RenderOptions:
-    return options if options.camera else replace(options, camera=camera)
+    return options if options.camera or options.shots else replace(options, camera=camera)
 
 
 def render_many(
@@ -143,8 +128,6 @@ def render_many(
     """
     if len({out.resolve() for out in outs}) < len(outs):
         raise CrowdsimError("two things to draw would share an output folder, expected a folder each")
-    if isinstance(options.camera, str):
-        parse_camera(options.camera) if "follow" not in options.camera else None
     outcomes = []
     for index, (path, out) in enumerate(zip(paths, outs, strict=True)):
         notes: tuple[str, ...] = ()

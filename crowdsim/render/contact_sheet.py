@@ -38,13 +38,17 @@ def draw_sheet(stage: Stage, frames: list[int], threads: int = 1, progress: Prog
     width = min(stage.size[0], (_WIDEST - _GAP) // columns - _GAP)
     height = max(1, round(width * stage.size[1] / stage.size[0]))
     rows = math.ceil(len(frames) / columns)
-    sheet = np.full((rows * (height + _GAP) + _GAP, columns * (width + _GAP) + _GAP, 3), _GROUND, np.uint8)
-    fine = replace(stage, size=(2 * width, 2 * height), caption=False)
+    sheet = np.full(
+        (rows * (height + _GAP) + _GAP, columns * (width + _GAP) + _GAP, 4 if stage.look.transparent else 3),
+        _GROUND,
+        np.uint8,
+    )
+    fine = replace(stage, size=(2 * width, 2 * height), look=stage.look.plain())
     for index, frame in enumerate(frames):
         large = fine.picture(frame, threads).astype(np.uint16)
         small = (large[::2, ::2] + large[1::2, ::2] + large[::2, 1::2] + large[1::2, 1::2] + 2) // 4
         moment = small.astype(np.uint8)
-        if stage.caption:
+        if stage.look.caption and not stage.look.transparent:
             text = f"{frame / stage.source.fps:.2f} s" if index else stage.title(frame)
             draw_caption(moment, text, height=max(text_height(height), round(height / 27)))
         y, x = _GAP + (index // columns) * (height + _GAP), _GAP + (index % columns) * (width + _GAP)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.render.source import PoseSource
+
+if TYPE_CHECKING:
+    from crowdsim.render.source import PoseSource
 
 _STEP = 0.25
 """Time between the moments at which a camera samples the crowd [s]."""
@@ -42,6 +45,11 @@ class Crowd:
     grounds: Array
     heights: Array
     facing: float
+
+    @property
+    def present(self) -> Array:
+        """Numbers of the avatars that are there at some moment. Shape (n,)."""
+        return np.flatnonzero(np.isfinite(self.grounds[:, : self.avatars, 0]).any(axis=0))
 
 
 def watch(source: PoseSource) -> Crowd:
@@ -114,9 +122,9 @@ def filled(grounds: Array) -> Array:
     return filled
 
 
-def envelope(values: Array, crowd: Crowd) -> Array:
-    """Smooth upper envelope of values over moments (M, k)."""
-    half = max(1, round(_WINDOW * crowd.fps / crowd.step))
+def envelope(values: Array, crowd: Crowd, window: float = _WINDOW) -> Array:
+    """Smooth upper envelope of values over moments (M, k), each over a window to either side [s]."""
+    half = max(1, round(window * crowd.fps / crowd.step))
     padded = np.pad(values, ((half, half), (0, 0)), mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=0)
     return hann(windows.max(axis=-1), half)

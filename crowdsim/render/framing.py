@@ -13,32 +13,38 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.render.crowd_path import Crowd, between, envelope, filled, smooth
-from crowdsim.render.view import FIELD, View, directions
+from crowdsim.render.view import View, directions, haze_distance
 
 _ROOM = 0.93
 """Share of the picture's half width and height in which the crowd stays."""
 _REACH = 0.40
 """How far an avatar reaches to the sides, as a share of its height."""
-_LAP = 30.0
-"""Time of one lap of the orbit [s]."""
-HAZE, LEAST_HAZE = 3.6, 34.0
+_FEET = 0.15
+"""How far its feet and head are from its position, likewise."""
+_CLOSEST, _CLOSE = 2.2, 1.5
+"""How near a camera may come, in heights, and one that is close."""
+_LOW = 0.2
+"""How low a close camera may be, in heights."""
 _ELEVATIONS = {"side": 7.0, "front": 7.0, "top": 90.0}
 _LOWEST, _HIGHEST = 12.0, 36.0
 """How far down the cameras ``auto`` and ``orbit`` look [degrees]."""
 _BISECTIONS = 24
+_ANGLES = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
+_RING = np.stack([np.sin(_ANGLES), np.zeros(24), np.cos(_ANGLES)], axis=1)
 _LINE, _OBLIQUE = 2.0, 0.5
 """A crowd so many times as wide as it is deep is a line, at which ``auto`` looks from so far aside [rad]."""
 
 
-def _sides(azimuth: float, elevation: float, size: tuple[int, int]) -> tuple[Array, Array, float, float]:
+def _sides(azimuth: float, elevation: float, size: tuple[int, int], field: float) -> tuple[Array, Array, float, float]:
     """Normals of the four sides of a view (4, 3), its directions right, up and ahead as rows, and two tangents."""
     right, up, ahead = directions(azimuth, elevation)
-    ty = math.tan(0.5 * FIELD) * _ROOM
+    ty = math.tan(0.5 * field) * _ROOM
     tx = ty * size[0] / size[1]
     normals = np.stack([right - tx * ahead, -right - tx * ahead, up - ty * ahead, -up - ty * ahead])
     return normals, np.stack([right, up, ahead]), tx, ty
@@ -109,8 +115,15 @@ def _aside(crowd: Crowd, azimuth: float, tall: float) -> float:
     return _OBLIQUE if crowd.avatars == 1 or (seen > 4 and wide > _LINE * deep) else 0.0
 
 
-def frame_crowd(crowd: Crowd, kind: str, size: tuple[int, int]) -> Callable[[int], View]:
-    """A camera of fixed direction that frames the crowd."""
+def frame_crowd(crowd: Crowd, kind: str, size: tuple[int, int], field: float) -> Callable[[float], View]:
+    """Return the view of a camera of fixed direction that frames the crowd.
+
+    Args:
+        crowd: The crowd.
+        kind: ``auto``, ``side``, ``front`` or ``top``.
+        size: Width and height of the picture [px].
+        field: Angle between its upper and lower edge [rad].
+    """
     alone = crowd.avatars == 1
     azimuth = crowd.facing + {"front": 0.0 if alone else math.pi / 2, "side": math.pi / 2 if alone else 0.0}.get(
         kind, 0.0
@@ -120,7 +133,7 @@ def frame_crowd(crowd: Crowd, kind: str, size: tuple[int, int]) -> Callable[[int
         azimuth += _aside(crowd, azimuth, tall)
     wide, deep = _width_and_depth(crowd, azimuth, tall)
     elevation = _elevation(kind, wide, deep, tall, crowd.avatars)
-    normals, basis, tx, ty = _sides(azimuth, elevation, size)
+    normals, basis, tx, ty = _sides(azimuth, elevation, size, field)
     level = np.hypot(normals[:, 0], normals[:, 2])
     reach = level[:, None] * _REACH * crowd.heights + np.maximum(normals[:, 1:2] * 1.06 * crowd.heights, 0.0)
     limits = np.empty((len(crowd.grounds), 4))
@@ -135,17 +148,17 @@ def frame_crowd(crowd: Crowd, kind: str, size: tuple[int, int]) -> Callable[[int
         limits[moment] = (flat + reach[:, here]).max(axis=1)
         ahead = x * basis[2, 0] + z * basis[2, 2]
         middles[moment] = 0.5 * (ahead.min() + ahead.max())
-    along, least, most = _solve(envelope(limits, crowd), tx, ty, smooth(middles, crowd) - 2.2 * tall)
+    along, least, most = _solve(envelope(limits, crowd), tx, ty, smooth(middles, crowd) - _CLOSEST * tall)
     centres = np.clip(smooth(_centres(crowd, basis, along), crowd), least, np.maximum(least, most))
     eyes = np.concatenate([centres, along[:, None]], axis=1) @ basis
     eyes[:, 1] = np.maximum(eyes[:, 1], 0.35 * tall)
     distances = np.abs(smooth(middles, crowd) - eyes @ basis[2])
-    hazes = np.maximum(HAZE * distances, LEAST_HAZE)
+    hazes = haze_distance(distances)
     # The view must not keep the crowd in memory.
     step = crowd.step
 
-    def view(frame: int) -> View:
-        return View(between(eyes, frame / step), basis[2], basis[0], float(between(hazes, frame / step)))
+    def view(frame: float) -> View:
+        return View(between(eyes, frame / step), basis[2], basis[0], float(between(hazes, frame / step)), field)
 
     return view
 
@@ -166,33 +179,146 @@ def _centres(crowd: Crowd, basis: Array, along: Array) -> Array:
     return centres
 
 
-def orbit_crowd(crowd: Crowd, size: tuple[int, int]) -> Callable[[int], View]:
-    """A camera that circles the crowd and frames it."""
+@dataclass(frozen=True)
+class Rings:
+    """Cylinders around a crowd at every moment, which a camera frames from any side.
+
+    Attributes:
+        centres: Their middles on the ground, x and z [m]. Shape (M, 2).
+        radii: Their radii [m]. Shape (M,).
+        height: Height of all of them [m].
+        step: Frames between moments.
+    """
+
+    centres: Array
+    radii: Array
+    height: float
+    step: int
+
+    def view(
+        self,
+        frame: float,
+        azimuth: float,
+        elevation: float,
+        size: tuple[int, int],
+        field: float,
+        distance: float | None = None,
+    ) -> View:
+        """Return a view in a direction that shows all of the cylinder, or from a distance to its middle.
+
+        Args:
+            frame: The frame.
+            azimuth: Heading in which the camera looks [rad].
+            elevation: How far down it looks [rad].
+            size: Width and height of the picture [px].
+            field: Angle between its upper and lower edge [rad].
+            distance: Level distance to the middle [m]; as near as shows all when None.
+        """
+        centre, radius = between(self.centres, frame / self.step), float(between(self.radii, frame / self.step))
+        normals, basis, tx, ty = _sides(azimuth, elevation, size, field)
+        if distance is not None:
+            target = np.array([centre[0], 0.5 * self.height, centre[1]])
+            eye = target - basis[2] * (distance / math.cos(elevation))
+            return View(eye, basis[2], basis[0], float(haze_distance(np.array(distance))), field)
+        limits = normals[:, [0, 2]] @ centre + np.hypot(normals[:, 0], normals[:, 2]) * radius
+        limits += np.maximum(normals[:, 1] * 1.06 * self.height, 0.0)
+        middle = float(centre @ basis[2, [0, 2]])
+        along, least, most = _solve(limits, tx, ty, np.array(middle - _CLOSEST * self.height))
+        feet = np.insert(centre, 1, 0.0) + radius * _RING
+        heads = feet + np.array([0.0, self.height, 0.0])
+        _, up, ahead = (np.concatenate([feet, heads]) @ basis.T).T
+        height = min(max(_centre(up, np.maximum(ahead - along, 0.3)), float(least[1])), float(most[1]))
+        eye = np.array([float(np.insert(centre, 1, 0.0) @ basis[0]), height, float(along)]) @ basis
+        return View(eye, basis[2], basis[0], float(haze_distance(np.array(middle - float(eye @ basis[2])))), field)
+
+
+def rings_around(crowd: Crowd) -> Rings:
+    """Return smooth cylinders around a crowd."""
     flat = filled(crowd.grounds[..., :2])
     centres = smooth(0.5 * (flat.min(axis=1) + flat.max(axis=1)), crowd)
     tall = float(crowd.heights.max())
     radii = np.linalg.norm(flat - centres[:, None], axis=-1).max(axis=1)
-    radii = envelope(radii[:, None], crowd)[:, 0] + _REACH * tall
-    across = 2.0 * float(np.median(radii))
-    elevation = _elevation("orbit", across, across, tall, crowd.avatars)
-    step, turn, facing = crowd.step, 2.0 * math.pi / (_LAP * crowd.fps), crowd.facing
-    angles = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
-    ring = np.stack([np.sin(angles), np.zeros(24), np.cos(angles)], axis=1)
+    return Rings(centres, envelope(radii[:, None], crowd)[:, 0] + _REACH * tall, tall, crowd.step)
 
-    def view(frame: int) -> View:
-        centre, radius = between(centres, frame / step), float(between(radii, frame / step))
-        azimuth = facing + turn * frame
-        normals, basis, tx, ty = _sides(azimuth, elevation, size)
-        limits = normals[:, [0, 2]] @ centre + np.hypot(normals[:, 0], normals[:, 2]) * radius
-        limits += np.maximum(normals[:, 1] * 1.06 * tall, 0.0)
-        middle = float(centre @ basis[2, [0, 2]])
-        along, least, most = _solve(limits, tx, ty, np.array(middle - 2.2 * tall))
-        feet = np.insert(centre, 1, 0.0) + radius * ring
-        heads = feet + np.array([0.0, tall, 0.0])
-        _, up, ahead = (np.concatenate([feet, heads]) @ basis.T).T
-        height = min(max(_centre(up, np.maximum(ahead - along, 0.3)), float(least[1])), float(most[1]))
-        eye = np.array([float(np.insert(centre, 1, 0.0) @ basis[0]), height, float(along)]) @ basis
-        haze = max(HAZE * (middle - float(eye @ basis[2])), LEAST_HAZE)
-        return View(eye, basis[2], basis[0], haze)
 
-    return view
+def orbit_elevation(rings: Rings, avatars: int) -> float:
+    """Return how far down a camera looks at cylinders around some avatars [rad]."""
+    across = 2.0 * float(np.median(rings.radii))
+    return _elevation("orbit", across, across, rings.height, avatars)
+
+
+@dataclass(frozen=True)
+class CloseFrame:
+    """Frames a few avatars as large as it can, from any side; arrays of views at once.
+
+    Attributes:
+        size: Width and height of the picture [px].
+        field: Angle between its upper and lower edge [rad].
+        height: Height of the tallest of them [m].
+        distance: Level distance to their middle [m]; as near as shows all when None.
+    """
+
+    size: tuple[int, int]
+    field: float
+    height: float
+    distance: float | None = None
+
+    def _bases(self, angles: Array) -> tuple[Array, float, float]:
+        """Directions right, up and ahead (..., 3, 3) as rows, and two tangents."""
+        sin, cos = np.sin(angles[..., 0]), np.cos(angles[..., 0])
+        low, level = np.sin(angles[..., 1]), np.cos(angles[..., 1])
+        right = np.stack([-cos, np.zeros_like(cos), sin], axis=-1)
+        ahead = np.stack([sin * level, -low, cos * level], axis=-1)
+        ty = math.tan(0.5 * self.field) * _ROOM
+        return np.stack([right, np.cross(right, ahead), ahead], axis=-2), ty * self.size[0] / self.size[1], ty
+
+    def limits(self, grounds: Array, heights: Array, centres: Array, angles: Array) -> Array:
+        """Return how far avatars reach beyond each side of the picture from a centre; 0 where none is there.
+
+        Args:
+            grounds: Ground transforms of the avatars, NaN while absent. Shape (..., n, 3).
+            heights: Their heights [m]. Shape (..., n).
+            centres: The centre, x and z [m]. Shape (..., 2).
+            angles: Heading and elevation of the view [rad]. Shape (..., 2).
+
+        Returns:
+            Shape (..., 4).
+        """
+        bases, tx, ty = self._bases(angles)
+        right, up, ahead = np.moveaxis(bases, -2, 0)
+        sides = [right - tx * ahead, -right - tx * ahead, up - ty * ahead, -up - ty * ahead]
+        nx, ny, nz = np.moveaxis(np.stack(sides, axis=-2), -1, 0)[..., None]
+        x, z = np.moveaxis(grounds[..., :2] - centres[..., None, :], -1, 0)[..., None, :]
+        tall = heights[..., None, :]
+        reach = np.hypot(nx, nz) * np.array([_REACH, _REACH, _FEET, _FEET])[:, None] * tall
+        found = nx * x + nz * z + reach + np.maximum(ny * 1.06 * tall, 0.0)
+        found = np.where(np.isfinite(found), found, -np.inf).max(axis=-1)
+        return np.where(np.isfinite(found), found, 0.0)
+
+    def eyes(self, centres: Array, angles: Array, limits: Array) -> Array:
+        """Return from where views show all within limits. Shape (..., 3).
+
+        Args:
+            centres: What they look at, x and z [m]. Shape (..., 2).
+            angles: Their heading and elevation [rad]. Shape (..., 2).
+            limits: See ``limits``; greater ones leave room. Shape (..., 4).
+        """
+        bases, tx, ty = self._bases(angles)
+        if self.distance is None:
+            along, least, most = _solve(limits, tx, ty, np.full(limits.shape[:-1], -_CLOSE * self.height))
+            right, up = np.moveaxis(0.5 * (least + most), -1, 0)
+        else:
+            level = np.cos(angles[..., 1])
+            right, up, along = 0.0 * level, 0.5 * self.height * level, -self.distance / level
+        place = np.stack([right, up, along], axis=-1)
+        eyes = np.asarray((place[..., None] * bases).sum(axis=-2))
+        eyes[..., [0, 2]] += centres
+        eyes[..., 1] = np.maximum(eyes[..., 1], _LOW * self.height)
+        return eyes
+
+    def view(self, centre: Array, angles: Array, limits: Array) -> View:
+        """Return one view, see ``eyes``."""
+        eye = self.eyes(centre, angles, limits)
+        right, _, ahead = self._bases(angles)[0]
+        away = float(np.hypot(*(eye[[0, 2]] - centre)))
+        return View(eye, ahead, right, float(haze_distance(np.array(away))), self.field)

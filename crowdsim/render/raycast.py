@@ -32,6 +32,7 @@ from crowdsim.render.kernels.columns import (
     HALF_Z,
     LEAST_U,
     LEAST_V,
+    LIGHT,
     MIDDLE_X,
     MIDDLE_Y,
     PER_METRE,
@@ -40,6 +41,7 @@ from crowdsim.render.kernels.columns import (
     RIGHT_X,
     ROWS,
     SOFTNESS,
+    SUN_RED,
     SUN_X,
     SUN_Y,
     U_X,
@@ -48,6 +50,7 @@ from crowdsim.render.kernels.columns import (
 )
 from crowdsim.render.kernels.drawing import draw_tiles
 from crowdsim.render.kernels.records import Cones, Grids, Lists
+from crowdsim.render.look import Look
 from crowdsim.render.view import View
 
 SUN_ELEVATION = math.radians(52.0)
@@ -114,6 +117,7 @@ def draw(
     flashes: Flashes | None = None,
     threads: int = 1,
     arena: Array | None = None,
+    look: Look | None = None,
 ) -> Array:
     """Draw one picture; the same arguments give the same bytes for any number of threads.
 
@@ -126,16 +130,20 @@ def draw(
         threads: How many threads share the picture.
         arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z [m]; open ground by
             default. Shape (5,).
+        look: Light and background.
 
     Returns:
-        Red, green and blue, shape (height, width, 3), uint8.
+        Red, green and blue, shape (height, width, 3), uint8; and how much of each pixel figures cover where the look is
+        transparent, shape (height, width, 4).
     """
     width, height = size
     camera = view.pack(width, height)
     chosen = np.empty(len(capsules.shapes), np.int32)
     count = choose_capsules(capsules.shapes, camera, width, height, SHADOW_REACH, SMALLEST, chosen)
     chosen = chosen[:count]
-    light = np.zeros(16)
+    look = look or Look()
+    light = np.zeros(LIGHT)
+    light[SUN_RED:] = look.pack()
     across = np.cross(sun, [0.0, 0.0, 1.0] if abs(sun[2]) < 0.9 else [1.0, 0.0, 0.0])
     across /= np.linalg.norm(across)
     light[SUN_X:U_X], light[U_X:V_X], light[V_X:GRID_U], light[SOFTNESS] = (
@@ -154,7 +162,7 @@ def draw(
     tiles = _lists(segments, (width + 7) // 8, (height + 7) // 8)
     shadows = _shadow_lists(shades, cones, camera, light, segments)
     floor, contacts = _contact_lists(cones, camera, segments)
-    picture = np.empty((height, width, 3), np.uint8)
+    picture = np.empty((height, width, 4 if look.transparent else 3), np.uint8)
     lamps = _project_flashes(flashes, camera)
     shared = (
         camera, light, floor, Cones(cones, spans, shades, paints, owners, neighbours), Grids(tiles, shadows, contacts),

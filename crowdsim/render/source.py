@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.render.figure import Figure
+from crowdsim.scenario.camera import Camera
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,10 @@ class PoseSource(Protocol):
     @property
     def frame_count(self) -> int:
         """Number of frames."""
+
+    @property
+    def cameras(self) -> Mapping[str, Camera]:
+        """Cameras that can be had by name: those of its scenario."""
 
     @property
     def avatar_names(self) -> Sequence[str]:

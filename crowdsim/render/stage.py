@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.render.camera import Keys, Track, build_track, parse_camera
+from crowdsim.crowd.kernels.layout import LANDED
+from crowdsim.errors import CrowdsimError
+from crowdsim.render.camera import Track, build_track, resolve_camera
 from crowdsim.render.caption import draw_caption
 from crowdsim.render.crowd_path import watch
+from crowdsim.render.edit import EditedSource
+from crowdsim.render.look import Look
 from crowdsim.render.raycast import Flashes, draw
 from crowdsim.render.scene import Cast, build_cast
 from crowdsim.render.source import PoseSource, Shown
+from crowdsim.scenario.cameras import Chosen
 
-VERSION = 4
+VERSION = 5
 """Counts changes after which pictures differ."""
 _BETWEEN = 34
 """Grey of the line between cameras side by side."""
@@ -29,20 +36,22 @@ class Stage:
     """A source with everything that its pictures share; any number of threads may draw from it.
 
     Attributes:
-        source: Where motion comes from.
+        source: Where motion comes from; of shots, the frames of the edited video.
         cast: Its avatars as figures.
         tracks: Cameras, side by side from left to right.
         size: Width and height [px].
-        caption: Whether the picture has a caption.
+        look: Light, background, marks and caption.
         mark: A text that differs whenever a picture would.
+        finer: Draws the moments that pictures with motion blur are the mean of; None for sharp ones.
     """
 
     source: PoseSource
     cast: Cast
     tracks: tuple[Track, ...]
     size: tuple[int, int]
-    caption: bool
+    look: Look
     mark: str
+    finer: Stage | None = None
 
     def picture(self, frame: int, threads: int = 1, stop: int | None = None) -> Array:
         """Draw a frame.
@@ -53,28 +62,55 @@ class Stage:
             stop: One past the last frame that is drawn after it; that of the next one when None.
 
         Returns:
-            Shape (height, width, 3), uint8.
+            Shape (height, width, 3), uint8; with a fourth channel, how figures cover, where the look is transparent.
         """
+        picture = self._blurred(frame, threads, stop) if self.finer else self._still(frame, threads, stop)
+        if self.look.caption and not self.look.transparent:
+            draw_caption(picture, self.title(frame))
+        return picture
+
+    def _blurred(self, frame: int, threads: int, stop: int | None) -> Array:
+        """Draw the mean of what an open shutter sees for half a frame, in linear light."""
+        assert self.finer is not None
+        samples = self.look.motion_blur
+        first, end = 2 * samples * frame, 2 * samples * (stop or frame + 1)
+        last = self.finer.source.frame_count - 1
+        total: Array = np.float32(0.0)  # type: ignore[assignment]
+        for sample in range(samples):
+            total = total + self.finer._still(min(first + sample, last), threads, end).astype(np.float32) ** 2
+        return np.asarray((np.sqrt(total / samples) + 0.5).astype(np.uint8))
+
+    def _still(self, frame: int, threads: int, stop: int | None) -> Array:
+        """Draw a frame without motion blur and caption."""
         points, ages, speeds, outcomes = self.source.recent_strikes(frame)
         shown = Shown(stop or frame + 1, self.scales)
         capsules = self.cast.place(self.source.poses(frame, shown), self.source.markers(frame))
-        young = np.asarray(ages) < FLASH
+        marked = np.asarray(ages) < FLASH
+        if self.look.marks != "all":
+            marked &= (np.asarray(outcomes) == LANDED) & (self.look.marks == "landed")
         flashes = Flashes(
-            np.asarray(points)[young],
-            np.asarray(ages)[young] / FLASH,
-            0.55 + 0.45 * np.clip(np.asarray(speeds)[young] / 9.0, 0.0, 1.0),
-            np.asarray(outcomes)[young],
+            np.asarray(points)[marked],
+            np.asarray(ages)[marked] / FLASH,
+            0.55 + 0.45 * np.clip(np.asarray(speeds)[marked] / 9.0, 0.0, 1.0),
+            np.asarray(outcomes)[marked],
         )
         height, edges = self.size[1], self._edges()
         parts = [
-            draw(capsules, track.view(frame), (right - left, height), track.sun, flashes, threads, self.source.arena)
+            draw(
+                capsules,
+                track.view(frame),
+                (right - left, height),
+                track.sun,
+                flashes,
+                threads,
+                self.source.arena,
+                self.look,
+            )
             for track, left, right in zip(self.tracks, edges[:-1], edges[1:], strict=True)
         ]
         picture = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
         for edge in edges[1:-1]:
             picture[:, max(edge - 1, 0) : edge + 1] = _BETWEEN
-        if self.caption:
-            draw_caption(picture, self.title(frame))
         return picture
 
     def scales(self, frame: int) -> Array:
@@ -96,46 +132,70 @@ class Stage:
         """Return the caption of a frame: name, avatars, time."""
         count = len(self.source.avatar_teams)
         crowd = f"   {count:,} avatars" if count > 1 else ""
-        return f"{self.source.name}{crowd}   {frame / self.source.fps:.2f} s   squares 1 m"
+        squares = "   squares 1 m" if self.look.grid and self.look.background in ("day", "dark") else ""
+        return f"{self.source.name}{crowd}   {frame / self.source.fps:.2f} s{squares}"
 
 
-def build_stage(source: PoseSource, size: tuple[int, int], camera: str | Keys = "auto", caption: bool = True) -> Stage:
+def build_stage(
+    source: PoseSource,
+    size: tuple[int, int],
+    camera: Chosen = "auto",
+    look: Look | None = None,
+    shots: Sequence[Any] = (),
+) -> Stage:
     """Prepare pictures of a source.
 
     Args:
         source: Where motion comes from.
         size: Width and height [px].
-        camera: Name of a camera, several joined by '+' for pictures side by side, or keys.
-        caption: Whether the picture has a caption.
+        camera: A camera, see ``resolve_camera``; of several pictures are drawn side by side.
+        look: Light, background, marks and caption.
+        shots: Shots (``scenario.cameras.Shot``) of an edited video, instead of the camera.
 
     Raises:
         CrowdsimError: There is no such camera or avatar.
+        TakeError: A shot has frames that the source does not have.
     """
-    if isinstance(camera, Keys):
-        kinds: list[str | Keys] = [camera]
-        named = [camera.seconds.tolist(), camera.positions.tolist(), camera.targets.tolist()]
-    else:
-        camera = parse_camera(camera, len(source.avatar_teams), tuple(source.avatar_names))
-        kinds = [*camera.split("+")]
-        named = [camera]
-    crowd = watch(source)
-    part = (max(1, size[0] // len(kinds)), size[1])
+    look, crowd = look or Look(), watch(source)
+    cameras = [resolve_camera(source, shot.camera) for shot in shots] or [resolve_camera(source, camera)]
+    if shots and max(map(len, cameras)) > 1:
+        raise CrowdsimError("a shot has several cameras, expected one")
+    part = (max(1, size[0] // len(cameras[0])), size[1])
+    tracks = {one: build_track(source, one, part, crowd) for one in dict.fromkeys(sum(cameras, ()))}
     arena = np.asarray(source.arena, float).tolist()
-    content = [VERSION, source.fingerprint, source.name, source.fps, source.frame_count, list(size), named, caption]
-    content.append(arena)
-    return Stage(
-        source=source,
-        cast=build_cast(
-            source.figures,
-            source.avatar_figures,
-            source.avatar_teams,
-            source.avatar_scales,
-            source.avatar_colours,
-            source.avatar_girths,
-            source.avatar_stretches,
-        ),
-        tracks=tuple(build_track(source, kind, part, crowd) for kind in kinds),
-        size=size,
-        caption=caption,
-        mark=hashlib.sha256(json.dumps(content).encode()).hexdigest()[:32],
+    content = [VERSION, source.fingerprint, source.name, source.fps, source.frame_count, list(size)]
+    content += [[one.model_dump(mode="json") for one in sum(cameras, ())], asdict(look), arena]
+    content.append([shot.model_dump(mode="json") for shot in shots])
+    cast = build_cast(
+        source.figures,
+        source.avatar_figures,
+        source.avatar_teams,
+        source.avatar_scales,
+        source.avatar_colours,
+        source.avatar_girths,
+        source.avatar_stretches,
     )
+    mark = hashlib.sha256(json.dumps(content).encode()).hexdigest()[:32]
+
+    spans = [shot.span.resolve(source.frame_count, source.fps) for shot in shots]
+
+    def stage(source: PoseSource, scale: int, finer: Stage | None = None) -> Stage:
+        """Return the stage of the source at a multiple of its rate."""
+        seen = [[_slowed(tracks[one], scale) for one in several] for several in cameras]
+        if not shots:
+            return Stage(source, cast, tuple(seen[0]), size, look, mark, finer)
+        edited = EditedSource(source, tuple((start * scale, end * scale) for start, end in spans))
+        track = Track(edited.view([one.view for (one,) in seen]), seen[0][0].sun)
+        return Stage(edited, cast, (track,), size, look, mark, finer)
+
+    if not look.motion_blur:
+        return stage(source, 1)
+    at_rate, scale = getattr(source, "at_rate", None), 2 * look.motion_blur
+    if at_rate is None:
+        raise CrowdsimError(f"{source.name}: is no run, of which alone pictures have motion blur")
+    return stage(source, 1, stage(at_rate(scale * source.fps), scale))
+
+
+def _slowed(track: Track, scale: int) -> Track:
+    """Return a track for frames that follow one another so many times as fast."""
+    return track if scale == 1 else Track(lambda frame: track.view(frame / scale), track.sun)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from crowdsim.policy.policy import Policy
 from crowdsim.poses.sampler import Poses, PoseSampler, unseen_layers
 from crowdsim.render.figure import Figure
 from crowdsim.render.source import Shown
+from crowdsim.scenario.camera import Camera
 from crowdsim.take.take import Take
 
 _BLOCK_BYTES = 48 << 20
@@ -43,6 +44,7 @@ class TakeSource:
         name: What it is called in captions; the scenario's name by default.
         threads: Threads that share the sampling of a block.
         arena: The arena of the scenario, see ``PoseSource.arena``, which takes do not know; open ground by default.
+        cameras: Cameras of the scenario by name.
 
     Raises:
         TakeError: The policies are not those that the take was recorded with.
@@ -56,9 +58,11 @@ class TakeSource:
         name: str | None = None,
         threads: int = 1,
         arena: Array | None = None,
+        cameras: Mapping[str, Camera] | None = None,
     ) -> None:
         self.take, self.fps, self.name = take, float(fps), name or take.scenario
-        self._arguments = (take, tuple(policies), fps, name, threads, arena)
+        self._arguments = (take, tuple(policies), fps, name, threads, arena, cameras)
+        self.cameras = cameras or {}
         self.arena = np.zeros(5) if arena is None else np.asarray(arena, float)
         self._sampler = PoseSampler(take, policies, threads)
         self.frame_count = take.output_frames(fps)
@@ -95,6 +99,11 @@ class TakeSource:
     def __reduce__(self) -> tuple[Any, ...]:
         """Build again from the arguments on the other side."""
         return TakeSource, self._arguments
+
+    def at_rate(self, fps: float) -> TakeSource:
+        """Return the same take at another frame rate."""
+        take, policies, _, name, threads, arena, cameras = self._arguments
+        return TakeSource(take, policies, fps, name, threads, arena, cameras)
 
     def ground(self, frames: Array) -> Array:
         """Return the ground transforms of all avatars at some frames; NaN while absent. Shape (n, N, 3)."""

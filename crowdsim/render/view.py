@@ -11,6 +11,8 @@ from crowdsim.core.types import Array
 
 FIELD = math.radians(36.0)
 """Angle between the upper and lower edge of the picture [rad]."""
+HAZE, LEAST_HAZE = 3.6, 34.0
+"""Haze hides half at so many times the distance to what a camera looks at, and no nearer than this [m]."""
 _MIDDLE, _NEAREST = 1.0, 0.1
 """Height of the middle of an avatar, and half its extent; and least distance at which one is seen [m]."""
 _ROOM = 7.0
@@ -71,6 +73,11 @@ def directions(azimuth: float, elevation: float) -> tuple[Array, Array, Array]:
     right = np.array([-cos, 0.0, sin])
     ahead = np.array([sin * level, -low, cos * level])
     return right, np.cross(right, ahead), ahead
+
+
+def haze_distance(distances: Array) -> Array:
+    """Return where haze hides half of what is seen, for cameras at distances [m] from what they look at."""
+    return np.maximum(HAZE * distances, LEAST_HAZE)
 
 
 def look_at(eye: Array, target: Array, haze: float = 90.0, field: float = FIELD) -> View:

@@ -1,4 +1,4 @@
-"""A finished run that goes on: what it would have been, had it been planned for longer.
+"""A finished run that goes on: what it would have been, had it been planned for longer, or with other outputs.
 
 The longer run is written in the stage of the run's folder, from the checkpoint of its end, and takes its place when it
 is finished. Until a command has reported the end of an extension, the same command completes that one instead of
@@ -18,15 +18,16 @@ from crowdsim.core.types import FileName, Progress
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.files import copy_plain, read_plain, remove_plain, walk, write_plain
 from crowdsim.preparation.prepare import load_policies
+from crowdsim.preparation.validation import check_scenario, output_findings
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from crowdsim.runs.folder import other_run, read_resolved, resolved_value
+from crowdsim.runs.folder import has_same_take, other_run, read_resolved, resolved_value
 from crowdsim.runs.lock import EXTENDING, hold_folder
 from crowdsim.runs.manifest import RUN, checksum, read_manifest, signed_text
 from crowdsim.runs.provenance import Origin, origin_difference, origin_of, scenario_difference
 from crowdsim.runs.run import Report, Run
 from crowdsim.runs.runner import bundle_folders, plan_run, write_run
-from crowdsim.runs.stage import TAKE, complete
+from crowdsim.runs.stage import TAKE, complete, complete_alone
 from crowdsim.scenario.scenario import Scenario, dump_scenario
 
 
@@ -95,14 +96,81 @@ def _extend(one: Run, length: tuple[float, bool]) -> None:
     write_plain(folder, EXTENDING, signed_text(note))
 
     def seed(stage: Path) -> None:
-        for name in walk(folder / TAKE):
-            # A chunk is never written again.
-            is_chunk = name.rpartition("/")[2][0].isdecimal()
-            copy_plain(folder / TAKE / name, stage, f"{TAKE}.partial/{name}", link=is_chunk)
+        _copy_take(folder, stage, f"{TAKE}.partial")
         write_checkpoint(stage, replace(begun, origin=now.checksum))
 
     crowd = draw_crowd(one.scenario, policies)
     write_run(one, crowd, now, plan_run(one, crowd), seed)
+
+
+def rewrite_outputs(
+    folder: FileName,
+    scenario: Scenario,
+    threads: int = 1,
+    mocap: FileName | None = None,
+    command: str = "",
+    progress: Progress | None = None,
+    notify: Callable[[str], None] | None = None,
+) -> Report | None:
+    """Write the outputs of a finished run as another scenario asks for them, without simulating again.
+
+    Args:
+        folder: The run folder.
+        scenario: The scenario, resolved; but for its cameras and outputs it is that of the run.
+        threads: Threads.
+        mocap: Folder of capture.
+        command: The command, for the manifest.
+        progress: Called with stage, done and total.
+        notify: Called with what a user should know beforehand.
+
+    Returns:
+        What was done; None where the folder holds no such run, or its outputs are those already.
+
+    Raises:
+        OutputError: The run was made by other policies or versions, or another process holds the folder.
+        RunError: An output cannot be written; the run stays as it was.
+        Interrupted: A signal has come; the same call goes on from there.
+    """
+    from crowdsim.crowd.draw import draw_crowd
+
+    folder = Path(folder)
+    complete_alone(folder)
+    if not has_same_take(folder, scenario, dump_scenario(scenario)):
+        return None
+    check_scenario(scenario)
+    one = Run(scenario, threads, mocap, progress, notify, folder, command=command)
+    with one.catch_signals(), hold_folder(folder, command), watch_compilation(notify, (), threads) as compilation:
+        one.clock.watch(compilation)
+        policies = load_policies(scenario, mocap, threads, progress)
+        one.policy_folders = bundle_folders([policy.name for policy in policies])
+        scenario.refuse(output_findings(scenario, policies))
+        for output in scenario.outputs.wanted():
+            output.prepare()
+        origin = origin_of(read_resolved(folder), policies)
+        manifest = read_manifest(folder, ("origin",))
+        difference = origin_difference(manifest["origin"], origin)
+        if difference:
+            raise other_run(folder, "the same run, but its outputs cannot follow, since something changed", difference)
+        begun, now = _end_of(folder, origin), replace(origin, scenario=dump_scenario(scenario))
+        one.report.outcome = manifest.get("outcome")
+        one.tell(f"{folder}: only outputs differ; writing them from the take that is there")
+
+        def seed(stage: Path) -> None:
+            _copy_take(folder, stage, TAKE)
+            write_checkpoint(stage, replace(begun, origin=now.checksum))
+
+        crowd = draw_crowd(scenario, policies)
+        write_run(one, crowd, now, plan_run(one, crowd), seed)
+        one.report.compiled = compilation.count
+    return one.report
+
+
+def _copy_take(folder: Path, stage: Path, name: str) -> None:
+    """Give the take of a run in a folder a name in a stage."""
+    for part in walk(folder / TAKE):
+        # A chunk is never written again.
+        is_chunk = part.rpartition("/")[2][0].isdecimal()
+        copy_plain(folder / TAKE / part, stage, f"{name}/{part}", link=is_chunk)
 
 
 def forget_extension(folder: Path) -> None:

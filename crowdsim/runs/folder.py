@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 
@@ -18,11 +18,16 @@ from crowdsim.runs.manifest import RUN, STAGES, read_manifest
 from crowdsim.runs.provenance import Origin, origin_difference, scenario_difference
 from crowdsim.runs.stage import TAKE, read_note
 
+if TYPE_CHECKING:
+    from crowdsim.scenario.scenario import Scenario
+
 RESOLVED = "scenario.resolved.yaml"
 _LONGEST = 1 << 24
 """Longest resolved scenario that is read [bytes]."""
-_LONGEST_PART = 4096
+_LONGEST_PART = 1 << 16
 """Longest part of it that is read alone [characters]: a whole scenario of a stranger may take minutes."""
+_OF_OUTPUTS = re.compile(r"^(?:fps|cameras|outputs):.*\n(?:[ -].*\n)*", re.MULTILINE)
+"""Keys of a resolved scenario that change no take."""
 _CHOICES = "--force replaces it, --out names another folder"
 _OTHERS = "expected an empty folder or a run's; --out names another"
 
@@ -122,6 +127,25 @@ def resolved_value(folder: Path, key: str) -> Any:
         return yaml.safe_load(found[0])[key]
     except (yaml.YAMLError, RecursionError, KeyError, TypeError) as error:
         raise ValueError(f"{key!r} cannot be read: {error}") from None
+
+
+def has_same_take(folder: Path, scenario: Scenario, resolved: str) -> bool:
+    """Whether a folder holds the finished run of a scenario but for what changes no take: cameras and outputs.
+
+    Args:
+        folder: The run folder.
+        scenario: The scenario, resolved.
+        resolved: It as text.
+    """
+    try:
+        if read_manifest(folder).get("status") != "done":
+            return False
+        before = read_resolved(folder)
+        take = (resolved_value(folder, "outputs") or {}).get("take")
+    except (TakeError, ValueError, AttributeError):
+        return False
+    same = take == scenario.outputs.take.model_dump(mode="json", exclude_none=True)
+    return same and before != resolved and _OF_OUTPUTS.sub("", before) == _OF_OUTPUTS.sub("", resolved)
 
 
 def place_of(folder: Path) -> Path:

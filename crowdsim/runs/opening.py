@@ -16,6 +16,8 @@ from crowdsim.runs.folder import place_of, resolved_value
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import read_manifest
 from crowdsim.runs.recorded import RecordedRun
+from crowdsim.scenario.cameras import Cameras
+from crowdsim.scenario.output import FPS
 from crowdsim.scenario.parts import Arena
 
 POLICIES = "policies"
@@ -41,7 +43,15 @@ def open_run(folder: FileName) -> RecordedRun:
         notes.append(f"{folder}: the run was interrupted; {take.frame_count} control frames are there")
     elif not (folder / MANIFEST).exists():
         notes.append(f"{folder}: the run is not finished; its take is, some outputs may be missing")
-    return RecordedRun.of(take, policies=tuple(policies), folder=folder, notes=tuple(notes), arena=read_arena(folder))
+    return RecordedRun.of(
+        take,
+        policies=tuple(policies),
+        folder=folder,
+        notes=tuple(notes),
+        arena=read_arena(folder),
+        fps=_read(folder, "fps", float, FPS),
+        cameras=_read(folder, "cameras", Cameras, {}),
+    )
 
 
 def bundle_of(folder: Path, policy: str, fingerprint: str | None = None) -> Path:
@@ -103,8 +113,13 @@ def read_arena(folder: Path) -> Array:
     """
     from crowdsim.crowd.draw import pack_arena
 
+    arena: Any = _read(folder, "arena", Arena, None)
+    return np.zeros(5) if arena is None else pack_arena(arena)
+
+
+def _read(folder: Path, key: str, kind: Any, otherwise: Any) -> Any:
+    """Return what the scenario that was run in a folder says at a key; ``otherwise`` where it says nothing readable."""
     try:
-        arena: Any = TypeAdapter(Arena).validate_python(resolved_value(place_of(folder), "arena"))
+        return TypeAdapter(kind).validate_python(resolved_value(place_of(folder), key))
     except ValueError:
-        return np.zeros(5)
-    return pack_arena(arena)
+        return otherwise

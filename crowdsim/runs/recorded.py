@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,12 +15,16 @@ from numpy.typing import ArrayLike
 from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.core.workers import CORES
 from crowdsim.errors import OutputError, TakeError
+from crowdsim.scenario.camera import Camera
+from crowdsim.scenario.cameras import Chosen
 from crowdsim.scenario.frame_ranges import parse_frames
-from crowdsim.scenario.rates import read_rate
+from crowdsim.scenario.output import FPS
+from crowdsim.scenario.rates import parse_rate
 from crowdsim.take.take import Take
 
 if TYPE_CHECKING:
     from crowdsim.render.batch import Place
+    from crowdsim.render.look import Look
 
 
 @dataclass(frozen=True)
@@ -31,11 +35,15 @@ class RecordedRun(Take):
         folder: The run folder; None of a run in memory.
         notes: What a user should know of it.
         arena: The arena of its scenario, see ``Crowd.arena``, which pictures show. Shape (5,).
+        fps: Frames a second of outputs, as its scenario says.
+        cameras: Cameras of its scenario by name.
     """
 
     folder: Path | None = None
     notes: tuple[str, ...] = ()
     arena: Array = field(default_factory=lambda: np.zeros(5))
+    fps: float = FPS
+    cameras: Mapping[str, Camera] = field(default_factory=dict)
 
     @classmethod
     def of(cls, take: Take, **more: Any) -> RecordedRun:
@@ -53,7 +61,7 @@ class RecordedRun(Take):
         out: FileName | None = None,
         avatars: ArrayLike | None = None,
         frames: str | tuple[int, int] | None = None,
-        fps: str | float | Fraction = 60.0,
+        fps: str | float | Fraction | None = None,
         threads: int = CORES,
         progress: Progress | None = None,
         force: bool = False,
@@ -66,7 +74,7 @@ class RecordedRun(Take):
             out: Folder for a folder of each kind; by default the run folder, where they replace those of their kind.
             avatars: Numbers or names, or text such as ``0-9``; all when None.
             frames: Output frames, half-open: text such as ``0:120`` or ``2s:5s``, or two numbers; all when None.
-            fps: Output frames a second, a fraction such as ``24000/1001`` too.
+            fps: Output frames a second, a fraction such as ``24000/1001`` too; those of its scenario when None.
             threads: Threads; the files do not depend on them.
             progress: Called with stage, done and total.
             force: Whether to do it again although it is done, and to replace exports in another folder.
@@ -87,7 +95,7 @@ class RecordedRun(Take):
         chosen = avatars if isinstance(avatars, str) else None
         if chosen is None and avatars is not None:
             chosen = ",".join(map(str, np.unique(self.cast.numbers(avatars))))
-        outputs = choose_outputs(self, wanted, fps, _range_text(frames), chosen, **keys)
+        outputs = choose_outputs(self, wanted, fps or self.fps, _range_text(frames), chosen, **keys)
         folder = self._place(out)
         written = export_take(self.folder or folder, self, self.policies, outputs, folder, threads, progress, force)
         return [path for files in written.values() for path in files]
@@ -96,13 +104,15 @@ class RecordedRun(Take):
         self,
         out: FileName | None = None,
         frames: str | tuple[int, int] | None = None,
-        camera: str | None = None,
+        camera: Chosen | None = None,
         size: str | tuple[int, int] = "1280x720",
-        fps: str | float | Fraction = 30.0,
+        fps: str | float | Fraction | None = None,
         mp4: bool | None = None,
         png: bool = False,
         contact_sheet: int = 0,
         caption: bool = True,
+        look: Look | None = None,
+        shots: Sequence[Any] = (),
         threads: int = CORES,
         jobs: int = 1,
         progress: Progress | None = None,
@@ -113,13 +123,16 @@ class RecordedRun(Take):
         Args:
             out: Folder of the pictures; by default the run folder.
             frames: Pictures, half-open: text such as ``0:120`` or ``2s:5s``, or two numbers; all when None.
-            camera: ``auto``, ``orbit``, ``top``, ``side``, ``front``, or ``follow:AVATAR`` with a number or name.
+            camera: A kind such as ``fight``, ``follow:AVATAR`` with a number or name, the name of one of the scenario's
+                cameras, ``FILE.yaml#NAME``, or a ``scenario.camera.Camera``.
             size: Width and height [px].
-            fps: Pictures a second, a fraction too.
+            fps: Pictures a second, a fraction too; those of its scenario when None.
             mp4: Whether to write ``video.mp4``; when None, where nothing else is asked for.
             png: Whether to write every picture as PNG, into the folder ``frames``.
             contact_sheet: Number of moments in ``contact_sheet.png``; 0 for none.
             caption: Whether pictures have a small caption.
+            look: Light, background and marks (``render.look.Look``).
+            shots: Shots of an edited video (``scenario.cameras.Shot``) instead of the camera.
             threads: Threads; pictures do not depend on them.
             jobs: Processes that share the pictures.
             progress: Called with stage, done and total.
@@ -136,33 +149,36 @@ class RecordedRun(Take):
         """
         from crowdsim.render.batch import Place, render
         from crowdsim.render.command import parse_size
+        from crowdsim.render.look import Look
         from crowdsim.render.options import RenderOptions
         from crowdsim.render.take_source import TakeSource
         from crowdsim.runs.stage import write_pictures
 
-        fps = float(read_rate(fps))
+        rate = parse_rate(self.fps if fps is None else fps)
         given, said = _range_text(frames), size if isinstance(size, str) else "x".join(map(str, size))
         options = RenderOptions(
             size=parse_size(said),
-            fps=fps,
+            fps=rate,
             frames=None if given is None else parse_frames(given),
             camera=camera,
             mp4=not (png or contact_sheet) if mp4 is None else mp4,
             png=png,
             contact_sheet=contact_sheet,
-            caption=caption,
+            look=replace(look or Look(), caption=caption),
+            shots=tuple(shots),
             threads=threads,
             jobs=jobs,
         )
         options.check()
-        drawn = {"size": said, "fps": fps, "frames": given, "camera": camera, "caption": caption}
+        name = camera if isinstance(camera, str) or camera is None else camera.kind
+        drawn = {"size": said, "fps": rate, "frames": given, "camera": name, **asdict(options.look)}
 
         @contextmanager
         def record(folder: Path, planned: Sequence[Path], mark: str) -> Iterator[Place]:
             with write_pictures(folder, planned, drawn, mark, self.folder, force, threads) as writing:
                 yield Place(writing.folder, writing.done)
 
-        source = TakeSource(self, self.policies, fps, threads=threads, arena=self.arena)
+        source = TakeSource(self, self.policies, rate, threads=threads, arena=self.arena, cameras=self.cameras)
         return list(render(source, self._place(out), options, progress, record).files)
 
     def _place(self, out: FileName | None) -> Path:

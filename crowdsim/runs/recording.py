@@ -191,9 +191,9 @@ def write_take(
     writer = TakeWriter(path, header, crowd.frames, chunk)
     if begun is not None:
         try:
-            if begun.frame == crowd.frames and path.exists():
+            if path.exists():
                 take = with_known_actions(open_take(path), crowd.policies)
-                if take.status == "done":
+                if take.status == "done" and take.frame_count == begun.frame:
                     counter.add_strikes(take.events.outcome, take.events.down)
                     for first in range(0, take.frame_count, writer.chunk):
                         counter.add_frames(

@@ -86,7 +86,7 @@ def run(
     crowd = _draw(one) if policies is None else draw_crowd(scenario, policies)
     collector = TakeCollector(take_header(scenario, crowd), crowd.policies)
     record(one, crowd, collector)
-    return RecordedRun.of(collector.take(), arena=crowd.arena)
+    return RecordedRun.of(collector.take(), arena=crowd.arena, fps=scenario.fps, cameras=scenario.cameras)
 
 
 def run_to(

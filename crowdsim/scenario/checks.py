@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from itertools import chain, islice
 from typing import Any
 
@@ -10,6 +11,7 @@ from crowdsim.config.files import MOST_FINDINGS, Finding
 from crowdsim.config.findings import show
 from crowdsim.config.schema import some
 from crowdsim.errors import nearest
+from crowdsim.scenario.cameras import KINDS, check_avatars, choice_findings, shot_findings
 from crowdsim.scenario.description import Description
 from crowdsim.scenario.fight_checks import fight_findings
 from crowdsim.scenario.groups import MAXIMUM_AVATARS, FixedOpponents, Opponents
@@ -111,6 +113,8 @@ def sense_findings(scenario: Description) -> list[Finding]:
         _crowd_findings(scenario),
         _search_findings(scenario),
         scenario.outputs.findings(scenario.avatar_count),
+        _name_findings(scenario),
+        _camera_findings(scenario),
         fight_findings(scenario),
     )
     return list(islice(dict.fromkeys(found), MOST_FINDINGS + 1))
@@ -134,6 +138,35 @@ def _crowd_findings(scenario: Description) -> Iterator[Finding]:
             of = everyone if event.group is None else crowd.indices.get(event.group, ())
             for i in of if isinstance(event.opponents, FixedOpponents) else of[:1]:
                 yield from _opponents_findings(crowd, i, event.opponents, ("events", j, "opponents"))
+
+
+def _name_findings(scenario: Description) -> Iterator[Finding]:
+    """Yield a finding for each name among the avatars of an output that is none."""
+    for output in scenario.outputs.wanted():
+        for i, avatar in enumerate(getattr(output, "avatars", None) or ()):
+            if isinstance(avatar, str) and scenario.members(avatar) is None:
+                groups = [group.name or f"group{number + 1}" for number, group in enumerate(scenario.groups)]
+                known = list(dict.fromkeys([*groups, *scenario.teams, *islice(scenario.avatar_names(), 200)]))
+                some_of = some([*dict.fromkeys([*groups, *scenario.teams])])
+                what = f"{show(avatar)}, expected the number or name of an avatar, or {some_of}{nearest(avatar, known)}"
+                yield output.place(Finding(("avatars", i), what))
+
+
+def _camera_findings(scenario: Description) -> Iterator[Finding]:
+    """Yield a finding for each camera that is named like a kind, and for cameras and avatars that there are not."""
+    render, names = scenario.outputs.render, scenario.avatar_names() if scenario.cameras else []
+    for name, camera in scenario.cameras.items():
+        if name in KINDS:
+            what = f"{show(name)}, which is a kind of cameras, expected another name"
+            yield Finding(("cameras", name), what)
+        for finding in check_avatars(camera, names):
+            yield replace(finding, loc=("cameras", name, *finding.loc))
+    if render is not None:
+        names = scenario.avatar_names()
+        for finding in choice_findings(render.camera, scenario.cameras, names):
+            yield render.place(replace(finding, loc=("camera", *finding.loc)))
+        for finding in shot_findings(render.shots, scenario.cameras, names):
+            yield render.place(replace(finding, loc=("shots", *finding.loc)))
 
 
 def _search_findings(scenario: Description) -> Iterator[Finding]:

@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr
 
 from crowdsim.config.files import Finding, StrictModel, place
 from crowdsim.errors import ScenarioError
+from crowdsim.scenario.cameras import Cameras
 from crowdsim.scenario.events import Event
 from crowdsim.scenario.fitness import LINGERS, End
 from crowdsim.scenario.groups import AnyoneOpponents, Group, Opponents, PointsPlacement, Target
@@ -100,6 +101,11 @@ class Description(StrictModel):
     targets: dict[Name, Target] = Field(default_factory=dict, description="Scripted targets by name.")
     events: tuple[Event, ...] = Field(
         default=(), max_length=_MOST, description="Changes during the run; each happens once."
+    )
+    cameras: Cameras = Field(
+        default_factory=dict,
+        max_length=_MOST,
+        description="Cameras by name, for `outputs.render`, its shots and `crowdsim render`; they change no take.",
     )
     outputs: Outputs = Field(
         default_factory=Outputs, description="What a run writes beside its take; what is null is not written."
@@ -193,6 +199,21 @@ class Description(StrictModel):
             for i, group in enumerate(self.groups)
             for number in range(group.count)
         ]
+
+    def members(self, name: str) -> list[int] | None:
+        """Return the numbers of the avatar, or of the avatars of the group or team, of a name; None for other names."""
+        first, found = 0, False
+        numbers: list[int] = []
+        for i, group in enumerate(self.groups):
+            own = group.name or f"group{i + 1}"
+            prefix, _, number = name.rpartition("_")
+            if prefix == own and number.isdecimal() and int(number) < group.count:
+                return [first + int(number)]
+            if name in (own, group.team):
+                found = True
+                numbers += range(first, first + group.count)
+            first += group.count
+        return numbers if found else None
 
     def avatar_name(self, avatar: int) -> str:
         """Return the name of an avatar, its group's and a number that grows from 0: ``red_07``."""

@@ -10,7 +10,7 @@ from crowdsim.errors import TakeError
 
 _END = r"\s*(\d+(?:\.\d+)?)\s*(s?)\s*"
 _LENGTH = re.compile(_END)
-_RANGE = re.compile(rf"(?:{_END})?\s*:\s*(?:{_END})?")
+_RANGE = re.compile(rf"(?:{_END})?\s*(?::|\.\.)\s*(?:{_END})?")
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class FrameRange:
 
 
 def parse_frames(text: str) -> FrameRange:
-    """Return the range that 'A:B' means; ends are frames or, as in '2s:5s', seconds, and either may be left out.
+    """Return the range that 'A:B' or 'A..B' means; ends are frames or seconds as in '2s:5s', and may be left out.
 
     Raises:
         TakeError: It means none, or the range is empty.
@@ -94,7 +94,7 @@ def parse_times(text: str, rate: float, frames: int) -> list[float] | float:
     Raises:
         TakeError: It means none, or the range is not within the frames.
     """
-    if ":" in text:
+    if ":" in text or ".." in text:
         start, stop = parse_frames(text).resolve(frames, rate)
         return [frame / rate for frame in range(start, stop)]
     match = _LENGTH.fullmatch(text)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
@@ -11,8 +11,9 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from crowdsim.config.files import Fault, Finding, StrictModel
 from crowdsim.config.schema import Expected
+from crowdsim.scenario.camera import Camera
 from crowdsim.scenario.frame_ranges import first_frame_at, output_frames
-from crowdsim.scenario.parts import MAXIMUM_SECONDS
+from crowdsim.scenario.parts import MAXIMUM_SECONDS, Name
 from crowdsim.scenario.rates import Rate
 
 if TYPE_CHECKING:
@@ -21,13 +22,13 @@ if TYPE_CHECKING:
 FPS = 60.0
 """Frames a second of an output where neither it nor its scenario names a rate."""
 _MOST_FRAMES = 10**12
-Avatars = tuple[Annotated[int, Field(ge=0)], ...]
+Avatars = tuple[Annotated[int, Field(ge=0)] | Name, ...]
 Frames = tuple[Annotated[int, Field(ge=0, le=_MOST_FRAMES)], Annotated[int, Field(ge=1, le=_MOST_FRAMES)]]
 _FRAMES = (
     "Output frames to write, the first and the one after the last; or as a mapping in `seconds`, or as text such as "
     "`0:120` or `2s:5s`; without it all."
 )
-_RANGE = re.compile(r"\s*(\d+)\s*:\s*(\d+)\s*|\s*(\d+(?:\.\d+)?)\s*s\s*:\s*(\d+(?:\.\d+)?)\s*s\s*")
+_RANGE = re.compile(r"\s*(\d+)\s*(?::|\.\.)\s*(\d+)\s*|\s*(\d+(?:\.\d+)?)\s*s\s*(?::|\.\.)\s*(\d+(?:\.\d+)?)\s*s\s*")
 
 
 class Extent(NamedTuple):
@@ -109,6 +110,16 @@ class Output(StrictModel):
 
     def resolved(self, fps: float) -> Output:
         """Return it with all that it leaves to its scenario, which has ``fps`` frames a second."""
+        return self
+
+    def named(self, members: Callable[[str], Sequence[int] | None], cameras: Mapping[str, Camera]) -> Output:
+        """Return it with what names in it stand for.
+
+        Args:
+            members: Returns the numbers of the avatars that the name of an avatar, a group or a team means; None for
+                other names.
+            cameras: Cameras by name.
+        """
         return self
 
     def files(self, extent: Extent, names: Sequence[str]) -> Iterator[str | Series]:

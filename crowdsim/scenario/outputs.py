@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field, create_model
 
 from crowdsim.config.files import Finding, StrictModel
+from crowdsim.scenario.camera import Camera
 from crowdsim.scenario.output import Output
 
 _FIRST = ("take", "bvh", "ply", "pcd", "render", "profile")
@@ -49,6 +50,11 @@ class _Outputs(StrictModel):
     def resolved(self, fps: float) -> Outputs:
         """Return these with all that they leave to a scenario, which has ``fps`` frames a second."""
         update = {output.name: output.resolved(fps) for output in self.wanted()}
+        return self.model_copy(update=update)  # type: ignore[return-value]
+
+    def named(self, members: Callable[[str], Sequence[int] | None], cameras: Mapping[str, Camera]) -> Outputs:
+        """Return these with what names in them stand for, see ``Output.named``."""
+        update = {output.name: output.named(members, cameras) for output in self.wanted()}
         return self.model_copy(update=update)  # type: ignore[return-value]
 
     def findings(self, avatars: int) -> Iterator[Finding]:

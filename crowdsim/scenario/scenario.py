@@ -210,7 +210,7 @@ def resolve_scenario(scenario: Scenario, folder: FileName = ".") -> Scenario:
             "pre_roll": scenario.pre_roll_seconds,
             "types": _merged_types(scenario),
             "groups": tuple(groups),
-            "outputs": scenario.outputs.resolved(scenario.fps),
+            "outputs": scenario.outputs.resolved(scenario.fps).named(scenario.members, scenario.cameras),
         }
     )
     resolved = with_search(resolved, scenario.opponents.search)

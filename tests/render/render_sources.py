@@ -31,6 +31,7 @@ class Walkers:
     drawn: list[int] = field(default_factory=list)
     things: Any = None
     arena: Any = field(default_factory=lambda: np.zeros(5))
+    cameras: Any = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.frame_count, count = self.paths.shape[:2]

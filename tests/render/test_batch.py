@@ -12,9 +12,11 @@ from crowdsim.errors import CrowdsimError, OutputError, RunError, TakeError
 from crowdsim.render import segments
 from crowdsim.render.batch import render
 from crowdsim.render.contact_sheet import sheet_frames
+from crowdsim.render.look import Look
 from crowdsim.render.options import RenderOptions
 from crowdsim.render.stage import build_stage
 
+PLAIN = Look(caption=False)
 SIZE = (96, 64)
 
 
@@ -107,7 +109,7 @@ def test_a_contact_sheet_shows_moments_spread_over_the_range(tmp_path, walkers):
     assert sheet_frames(0, 100, 4) == [12, 37, 62, 87]
     assert sheet_frames(10, 12, 5) == [10, 11]
     walkers.drawn.clear()
-    done = render(walkers, tmp_path, RenderOptions(size=SIZE, mp4=False, contact_sheet=6, caption=False, threads=1))
+    done = render(walkers, tmp_path, RenderOptions(size=SIZE, mp4=False, contact_sheet=6, look=PLAIN, threads=1))
     assert done.files == (tmp_path / "contact_sheet.png",)
     assert walkers.drawn == sheet_frames(0, 20, 6)
     sheet = np.asarray(Image.open(done.files[0]))
@@ -117,7 +119,7 @@ def test_a_contact_sheet_shows_moments_spread_over_the_range(tmp_path, walkers):
 
 def test_a_caption_can_be_omitted(walkers):
     with_it = build_stage(walkers, (320, 180)).picture(4).astype(int)
-    without = build_stage(walkers, (320, 180), caption=False).picture(4).astype(int)
+    without = build_stage(walkers, (320, 180), look=PLAIN).picture(4).astype(int)
     rows = np.flatnonzero((with_it != without).any(axis=(1, 2)))
     assert rows.min() > 0.85 * 180
     assert np.abs(with_it - without).max() > 40
@@ -126,8 +128,8 @@ def test_a_caption_can_be_omitted(walkers):
 def test_strikes_that_land_flash_for_a_moment(walkers):
     x, z, _ = walkers.paths[10, 0]
     walkers.strikes = np.array([[10 / 30, x, 1.4, z]])
-    lit = build_stage(walkers, SIZE, caption=False)
-    plain = build_stage(Walkers(walkers.paths), SIZE, caption=False)
+    lit = build_stage(walkers, SIZE, look=PLAIN)
+    plain = build_stage(Walkers(walkers.paths), SIZE, look=PLAIN)
     glow = [(lit.picture(f).astype(int) - plain.picture(f)).sum() for f in (9, 10, 13, 19)]
     assert glow[0] == 0
     assert glow[1] > glow[2] > 0
@@ -135,8 +137,8 @@ def test_strikes_that_land_flash_for_a_moment(walkers):
 
 
 def test_several_cameras_are_drawn_side_by_side(walkers):
-    both = build_stage(walkers, SIZE, "side+top", caption=False).picture(3)
-    halves = [build_stage(walkers, (48, 64), camera, caption=False).picture(3) for camera in ("side", "top")]
+    both = build_stage(walkers, SIZE, "side+top", look=PLAIN).picture(3)
+    halves = [build_stage(walkers, (48, 64), camera, look=PLAIN).picture(3) for camera in ("side", "top")]
     beside = [*range(47), *range(49, 96)]
     np.testing.assert_array_equal(both[:, beside], np.concatenate(halves, axis=1)[:, beside])
     assert len(np.unique(both[:, 47:49])) == 1
@@ -150,7 +152,7 @@ def test_several_cameras_are_drawn_side_by_side(walkers):
         ({"size": (97, 64)}, CrowdsimError, "size 97x64: a video needs an even width and height"),
         ({"threads": 0}, CrowdsimError, "threads is 0, expected 1 or more"),
         ({"jobs": 0}, CrowdsimError, "jobs is 0, expected 1 or more"),
-        ({"camera": "follow:3"}, CrowdsimError, "camera 'follow:3': no avatar '3'"),
+        ({"camera": "follow:3"}, CrowdsimError, "camera 'follow:3': no avatar 3"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused_before_anything_is_made(tmp_path, walkers, arguments, error, message):

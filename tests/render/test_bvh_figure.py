@@ -8,6 +8,7 @@ from crowdsim.bvh.io import write_bvh
 from crowdsim.errors import BvhError
 from crowdsim.performer.session import perform
 from crowdsim.render.bvh_figure import bvh_source, clip_source, show_rate
+from crowdsim.render.look import Look
 from crowdsim.render.stage import build_stage
 
 SNAKE = """HIERARCHY
@@ -60,7 +61,7 @@ def test_an_animal_of_unknown_scale_is_brought_to_a_size_and_put_on_the_floor(sn
 @pytest.mark.parametrize("camera", ["front+side", "auto", "top", "orbit", "follow:0"])
 def test_a_figure_fills_a_good_part_of_the_picture(snake, camera):
     source, _ = bvh_source(snake)
-    stage = build_stage(source, (160, 96), camera, caption=False)
+    stage = build_stage(source, (160, 96), camera, look=Look(caption=False))
     picture = stage.picture(1).astype(int)
     # The figure is red; sky and floor are grey or blue.
     red = picture[..., 0] - picture[..., 2] > 25
@@ -112,7 +113,7 @@ def test_people_of_one_file_are_drawn_together(tmp_path):
     assert source.frame_count == clip.frame_count
     assert [len(positions) for positions, _ in source.poses(3)] == [1, 1]
     assert source.ground(np.array([0, 5])).shape == (2, 2, 3)
-    picture = build_stage(source, (160, 96), "side", caption=False).picture(10).astype(int)
+    picture = build_stage(source, (160, 96), "side", look=Look(caption=False)).picture(10).astype(int)
     assert (picture[..., 0] - picture[..., 2] > 40).sum() > 40
     assert (picture[..., 2] - picture[..., 0] > 60).sum() > 40
     alone, _ = bvh_source(f"{path}#2")
@@ -124,7 +125,7 @@ def test_people_of_one_file_are_drawn_together(tmp_path):
 def test_real_capture_shows_upright_and_within_the_picture(mocap):
     path = next(mocap.rglob("cmu_13_18_boxing.bvh"))
     source, _ = bvh_source(path)
-    stage = build_stage(source, (160, 96), caption=False)
+    stage = build_stage(source, (160, 96), look=Look(caption=False))
     for frame in (0, 300, 1200):
         picture = stage.picture(frame).astype(int)
         figure = (picture[..., 0] - picture[..., 2]) > 30

@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 from render_sources import Walkers, random_walk
 
 from crowdsim.errors import CrowdsimError
-from crowdsim.render.camera import Keys, build_track, parse_camera
+from crowdsim.render.camera import build_track, resolve_camera
 from crowdsim.render.crowd_path import watch
+from crowdsim.render.line_of_sight import are_in_sight
 from crowdsim.render.view import directions
+from crowdsim.render.viewpoints import HEADINGS, find_course
+from crowdsim.scenario.camera import Lens
+from crowdsim.scenario.cameras import KINDS
 
 SIZE = (320, 180)
 
@@ -106,7 +111,35 @@ def test_following_keeps_the_avatar_in_sight():
 
 
 def test_avatars_may_be_followed_by_name():
-    assert parse_camera("follow:walker_2", 5, Walkers(random_walk(5, 5, 0)).avatar_names) == "follow:2"
+    source = Walkers(random_walk(60, 5, 0))
+    named, numbered = (build_track(source, f"follow:{avatar}", SIZE).view(30) for avatar in ("walker_2", 2))
+    np.testing.assert_array_equal(named.pack(*SIZE), numbered.pack(*SIZE))
+
+
+def test_a_lens_may_be_a_focal_length_or_a_field_of_view():
+    lens = Lens(focal_length=50.0, sensor=24.0)
+    assert math.degrees(lens.field) == pytest.approx(26.99, abs=0.01)
+    for keys in ({}, {"focal_length": 50.0, "field_of_view": 20.0}):
+        with pytest.raises(ValidationError, match="either field_of_view or focal_length"):
+            Lens(**keys)
+    source = Walkers(random_walk(60, 5, 0))
+    for kind in ("auto", "orbit", "follow", "fight", "eye", "top"):
+        camera = KINDS[kind](kind=kind, lens={"field_of_view": 20.0})
+        assert build_track(source, camera, SIZE).view(30).field == pytest.approx(math.radians(20.0))
+
+
+def test_following_goes_around_what_stands_in_the_way():
+    paths = np.zeros((200, 4, 3))
+    # A wall of three behind the back and to its left, where the camera would be.
+    paths[:, 1:, 0], paths[:, 1:, 1] = [0.4, 0.75, 1.1], -2.5
+    source, head = Walkers(paths), np.array([[0.0, 1.2, 0.0]])
+    shown = []
+    for avoid in (False, True):
+        camera = KINDS["follow"](kind="follow", height=1.4, avoid=avoid)
+        eye = build_track(source, camera, SIZE).view(100).eye
+        bodies = np.array([[x, 0.2, z, x, 1.7, z, 0.2, 0.2] for x, z in paths[100, 1:, :2]])
+        shown.append(bool(are_in_sight(head, eye[None], bodies)[0, 0]))
+    assert shown == [False, True]
 
 
 def test_absent_avatars_do_not_matter_to_the_camera():
@@ -118,11 +151,14 @@ def test_absent_avatars_do_not_matter_to_the_camera():
     assert few.view(50).eye == pytest.approx(eye, abs=0.5)
 
 
-def test_a_keyed_camera_passes_through_its_keys_and_rests_at_the_ends():
-    keys = Keys(np.array([0.0, 1.0, 2.0]), np.array([[0, 2, 9.0], [5, 3, 8], [9, 2, 0]]), np.zeros((3, 3)))
-    track = build_track(Walkers(random_walk(90, 2, 1)), keys, SIZE)
+def test_a_path_passes_through_its_keys_and_rests_at_the_ends():
+    positions = [(0, 2, 9), (5, 3, 8), (9, 2, 0)]
+    keys = [
+        {"seconds": float(i), "position": position, "look_at": (0.0, 0.0, 0.0)} for i, position in enumerate(positions)
+    ]
+    track = build_track(Walkers(random_walk(90, 2, 1)), KINDS["path"](kind="path", keys=keys), SIZE)
     for frame, key in ((0, 0), (30, 1), (60, 2), (89, 2)):
-        assert track.view(frame).eye == pytest.approx(keys.positions[key])
+        assert track.view(frame).eye == pytest.approx(positions[key])
     first = np.linalg.norm(track.view(1).eye - track.view(0).eye)
     assert first < 0.2 * np.linalg.norm(track.view(16).eye - track.view(15).eye)
 
@@ -134,23 +170,41 @@ def test_right_up_and_ahead_are_square_to_one_another():
         assert np.linalg.det(np.stack([basis[0], basis[1], -basis[2]])) == pytest.approx(1.0)
 
 
-KNOWN = "auto, orbit, follow:AVATAR, top, side, front"
+KNOWN = "near, auto, fight, fight:AVATAR, orbit, follow, follow:AVATAR, eye, eye:AVATAR, top, side, front"
 THERE = "expected a number from 0 to 4 or a name such as 'walker_0'"
+NEAR = KINDS["fixed"](kind="fixed", position=(0, 1, 2))
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("autto", f"camera 'autto' is unknown, expected one of {KNOWN} (did you mean 'auto'?)"),
-        ("follow", f"camera 'follow' is unknown, expected one of {KNOWN} (follow whom? 'follow:0' say)"),
-        ("follow:9", f"camera 'follow:9': no avatar '9', {THERE}"),
-        ("follow:walker_7", f"camera 'follow:walker_7': no avatar 'walker_7', {THERE} (did you mean 'walker_0'?)"),
+        ("nea", f"camera 'nea' is unknown, expected one of {KNOWN} (did you mean 'near'?)"),
+        ("fixed", f"camera 'fixed' is unknown, expected one of {KNOWN} (fixed needs keys: position)"),
+        ("side:3", f"camera 'side:3' is unknown, expected one of {KNOWN} (did you mean 'side'?)"),
+        ("follow:9", f"camera 'follow:9': no avatar 9, {THERE}"),
+        ("eye:walker_7", f"camera 'eye:walker_7': no avatar 'walker_7', {THERE} (did you mean 'walker_0'?)"),
     ],
 )
 def test_unknown_cameras_and_avatars_are_refused(text, message):
     with pytest.raises(CrowdsimError) as caught:
-        parse_camera(text, 5, tuple(f"walker_{i}" for i in range(5)))
+        resolve_camera(Walkers(random_walk(5, 5, 0), cameras={"near": NEAR}), text)
     assert str(caught.value) == message
+
+
+def test_cameras_are_found_by_name_in_files_and_by_kind(tmp_path):
+    source = Walkers(random_walk(5, 5, 0), cameras={"near": NEAR})
+    assert resolve_camera(source, "near") == (NEAR,)
+    assert [one.kind for one in resolve_camera(source, "front+near")] == ["front", "fixed"]
+    file = tmp_path / "cameras.yaml"
+    file.write_text("cameras:\n  low: {kind: follow, avatar: walker_2, height: 0.4}\n  high: {kind: top}\n")
+    (low,) = resolve_camera(source, f"{file}#low")
+    assert (low.kind, low.avatar, low.height) == ("follow", "walker_2", 0.4)
+    with pytest.raises(CrowdsimError) as caught:
+        resolve_camera(source, f"{file}#hihg")
+    assert str(caught.value) == (
+        f"camera '{file}#hihg' is unknown, expected {file}#NAME with one of low, high (did you mean 'high'?)"
+    )
 
 
 def fills(track, ground, frames):
@@ -204,7 +258,54 @@ def test_a_line_of_fighters_is_seen_obliquely_so_that_it_fills_the_picture():
     assert np.ptp(y) / 2 > 0.55
 
 
-def test_two_fighters_are_seen_from_the_side():
+def test_two_fighters_are_seen_from_between_the_side_and_the_back_of_one():
     paths = line(2, 1.2)
-    ahead = build_track(Walkers(paths), "auto", SIZE).view(30).ahead
-    assert abs(ahead[0]) > 0.95
+    x, _, z = build_track(Walkers(paths), "auto", SIZE).view(30).ahead
+    assert 35.0 < math.degrees(math.atan2(abs(x), abs(z))) < 85.0
+
+
+def test_a_fight_is_seen_past_the_one_who_stands_in_the_way():
+    paths = np.concatenate([line(2, 1.2), np.zeros((60, 3, 3))], axis=1)
+    # Three stand on the side from which the pair would be seen otherwise.
+    for camera in ("fight:walker_0,walker_1",):
+        free = build_track(Walkers(paths[:, :2]), "fight", SIZE).view(30).eye
+        way = (free - [0.0, free[1], 0.0]) / np.linalg.norm(free[[0, 2]])
+        paths[:, 2:, 0] = -0.5 + 1.5 * way[0] + np.array([-0.4, 0.0, 0.4]) * way[2]
+        paths[:, 2:, 1] = 1.5 * way[2] - np.array([-0.4, 0.0, 0.4]) * way[0]
+        eye = build_track(Walkers(paths), camera, SIZE).view(30).eye
+        bodies = np.array([[x, 0.2, z, x, 1.6, z, 0.2, 0.2] for x, z in paths[30, 2:, :2]])
+        heads = np.array([[x, 1.5, z] for x, z in paths[30, :2, :2]])
+        assert not are_in_sight(heads, free[None], bodies).all()
+        assert are_in_sight(heads, eye[None], bodies).all()
+
+
+def test_what_lies_between_a_point_and_an_eye_is_found_as_by_points_along_the_way():
+    rng = np.random.default_rng(5)
+    points, eyes = rng.normal(size=(40, 3)), 3.0 * rng.normal(size=(30, 3))
+    shapes = np.concatenate([rng.normal(size=(5, 6)), rng.uniform(0.1, 0.3, (5, 1))], axis=1)[:, [*range(6), 6, 6]]
+    found = are_in_sight(points, eyes, shapes)
+    along = np.linspace(0.0, 1.0, 400)[:, None]
+    for e, eye in enumerate(eyes):
+        for p, point in enumerate(points):
+            way = point + along * (eye - point)
+            gaps = []
+            for one in shapes:
+                t = np.clip((way - one[:3]) @ (one[3:6] - one[:3]) / np.sum((one[3:6] - one[:3]) ** 2), 0.0, 1.0)
+                gaps.append(np.linalg.norm(way - one[:3] - t[:, None] * (one[3:6] - one[:3]), axis=1).min() - one[6])
+            if abs(min(gaps)) > 1e-3:
+                assert found[e, p] == (min(gaps) > 0.0)
+
+
+def test_a_course_stays_cuts_at_lulls_and_never_elsewhere():
+    costs = np.full((40, HEADINGS, 1), 10.0)
+    costs[:20, 0] = costs[20:, HEADINGS // 2] = 0.0
+    cuts = np.full(40, np.inf)
+    cuts[17] = 1.0
+    course = find_course(costs, np.zeros(1), cuts, 1)
+    assert course.starts.tolist() == [0, 17]
+    assert course.at(10.0)[0] == pytest.approx(0.0)
+    assert course.at(30.0)[0] == pytest.approx(math.pi)
+    still = find_course(costs, np.zeros(1), np.full(40, np.inf), 1)
+    assert still.starts.tolist() == [0]
+    turns = np.abs(np.diff([still.at(moment)[0] for moment in range(40)]))
+    assert turns.max() <= 2.0 * math.pi / HEADINGS + 1e-9

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from PIL import Image
 from render_sources import Walkers, random_walk
 from test_bvh_figure import SNAKE
 
@@ -14,7 +15,11 @@ from crowdsim.render.command import (
     render_many,
     scenario_options,
 )
+from crowdsim.render.look import Look
 from crowdsim.render.options import RenderOptions
+from crowdsim.render.stage import build_stage
+from crowdsim.scenario.camera_files import read_shots
+from crowdsim.scenario.cameras import Shot
 
 SMALL = RenderOptions(size=(64, 48), threads=1)
 
@@ -99,10 +104,50 @@ def test_a_command_without_outputs_is_refused(tmp_path):
 
 def test_the_render_section_of_a_scenario_is_used():
     options = scenario_options(RenderOutput(size=(320, 180), fps=24, contact_sheet=6, caption=False), 2)
-    assert options == RenderOptions((320, 180), 24, None, "auto", True, False, 6, False, 2)
-    assert scenario_options(RenderOutput(camera={"kind": "follow", "avatar": 4})).camera == "follow:4"
-    key = {"seconds": 1.0, "position": (1, 2, 3), "look_at": (0, 1, 0)}
-    keyed = scenario_options(RenderOutput(camera={"kind": "keys", "keys": [key]})).camera
-    assert keyed.positions.tolist() == [[1, 2, 3]]
-    assert keyed.targets.tolist() == [[0, 1, 0]]
-    assert keyed.seconds.tolist() == [1.0]
+    assert options == RenderOptions((320, 180), 24, None, "auto", True, False, 6, Look(caption=False), threads=2)
+    output = RenderOutput(marks="none", grid=False, background="#ff9000", light="soft", camera="eye:3")
+    options = scenario_options(output)
+    assert options.look == Look("none", False, "#ff9000", "soft")
+    assert options.camera == "eye:3"
+
+
+def test_shots_are_drawn_one_after_another(tmp_path):
+    walkers = Walkers(random_walk(30, 3, 0))
+    shots = (Shot(**{"camera": "top", "from": 4, "to": 6}), Shot(**{"camera": "side", "from": "0.5s", "to": "0.6s"}))
+    options = RenderOptions(size=(64, 48), shots=shots, mp4=False, png=True, look=Look(caption=False))
+    files = render(walkers, tmp_path, options).files
+    assert [path.stem for path in files] == [f"{frame:06d}" for frame in range(5)]
+    for path, camera, frame in ((files[1], "top", 5), (files[4], "side", 17)):
+        expected = build_stage(walkers, (64, 48), camera, Look(caption=False)).picture(frame)
+        np.testing.assert_array_equal(np.asarray(Image.open(path)), expected)
+
+
+def test_a_shot_beyond_the_take_is_refused(tmp_path):
+    walkers = Walkers(random_walk(30, 3, 0))
+    options = RenderOptions(shots=(Shot(**{"camera": "top", "from": "2s"}),), mp4=False, png=True)
+    with pytest.raises(TakeError, match="there are frames 0 to 29 at 30 fps"):
+        render(walkers, tmp_path, options)
+
+
+def test_files_of_shots_say_what_is_wrong_with_them(tmp_path):
+    path = tmp_path / "shots.yaml"
+    path.write_text("cameras:\n  low: {kind: top}\nshots:\n  - {camera: lwo}\n  - {camera: low, from: 3s, to: 2s}\n")
+    with pytest.raises(CrowdsimError) as caught:
+        read_shots(path)
+    assert "shots.yaml:4:14: shots[0].camera: camera 'lwo' is unknown" in str(caught.value)
+    assert "(did you mean 'low'?)" in str(caught.value)
+    assert "shots[1]: frames '3s:2s': is empty" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"marks": "some"}, "marks 'some': expected none, landed, all"),
+        ({"light": "dya"}, "light 'dya': expected day, soft, evening, night (did you mean 'day'?)"),
+        ({"background": "blakc"}, "(did you mean 'black'?)"),
+    ],
+)
+def test_unknown_looks_are_refused(keys, message):
+    with pytest.raises(CrowdsimError) as caught:
+        Look(**keys)
+    assert message in str(caught.value)

@@ -15,6 +15,7 @@ from crowdsim.motion.measuring import measure_clips
 from crowdsim.performer.session import perform
 from crowdsim.policy.rewards import target_body
 from crowdsim.poses.sampler import PoseSampler, unseen_layers
+from crowdsim.render.look import Look
 from crowdsim.render.source import Shown
 from crowdsim.render.stage import build_stage
 from crowdsim.render.take_source import TakeSource
@@ -173,8 +174,8 @@ def test_what_is_far_or_out_of_sight_is_posed_with_less(policy) -> None:
 def test_pictures_of_a_range_are_those_of_the_whole_from_far_and_near(policy) -> None:
     take = wander(policy, avatars=3)
     for size in ((320, 180), (32, 18)):
-        whole = build_stage(TakeSource(take, [policy], 30.0), size, caption=False)
-        alone = build_stage(TakeSource(take, [policy], 30.0), size, caption=False)
+        whole = build_stage(TakeSource(take, [policy], 30.0), size, look=Look(caption=False))
+        alone = build_stage(TakeSource(take, [policy], 30.0), size, look=Look(caption=False))
         pictures = [whole.picture(frame, stop=24) for frame in range(18, 24)]
         assert np.array_equal(alone.picture(22), pictures[4])
 

@@ -84,7 +84,7 @@ def test_long_scenarios_are_read_in_little_time(text: str) -> None:
             "s.yaml:4:8: types: a mapping of 60,001 keys, expected at most 10,000",
         ),
         (
-            BASE + "outputs: {render: {camera: {kind: keys, keys: [" + "{at: [1, 2, 3]}, " * 15_000 + "]}}}",
+            BASE + "outputs: {render: {camera: {kind: path, keys: [" + "{at: [1, 2, 3]}, " * 15_000 + "]}}}",
             "s.yaml:7:48: outputs.render.camera.keys[0].seconds: missing, expected a number from 0 to 1000000",
         ),
         (BASE + "name: a\n" * 9_000, "s.yaml:7:1: name: duplicate key, expected it once; it is already in line 2"),

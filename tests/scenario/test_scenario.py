@@ -15,6 +15,7 @@ from crowdsim import assets
 from crowdsim.config.files import Finding, find_faults
 from crowdsim.crowd.placement import place_groups
 from crowdsim.errors import ScenarioError, nearest
+from crowdsim.scenario.output import Ranged
 from crowdsim.scenario.parts import AGGRESSIONS, GIRTHS, LENGTHS, RANGES, SCALES, SPEEDS, TEMPOS
 from crowdsim.scenario.reference import scenario_reference, with_outputs
 from crowdsim.scenario.scenario import (
@@ -263,10 +264,13 @@ def test_a_mistake_is_one_line(old, new, expected):
         ("outputs: {ply: {frames: [5, 2]}}",
          ["10:25: outputs.ply.frames: is [5, 2], expected the first frame before the last"]),
         ("outputs: {render: {camera: {kind: follow, avatar: 9}}}",
-         ["10:51: outputs.render.camera.avatar: is 9, expected an avatar from 0 to 4"]),
+         ["10:51: outputs.render.camera.avatar: no avatar 9, expected a number from 0 to 4 or a name such as 'red_0'"]),
         ("outputs: {render: {camera: tpo}}",
-         ["10:28: outputs.render.camera: is 'tpo', expected 'auto', 'orbit', 'top' or 'side' or a mapping with kind: "
-          "'follow' or 'keys' (did you mean 'top'?)"]),
+         ["10:28: outputs.render.camera: camera 'tpo' is unknown, expected one of auto, fight, fight:AVATAR, orbit, "
+          "follow, follow:AVATAR, eye, eye:AVATAR, top, side, front (did you mean 'top'?)"]),
+        ("outputs: {bvh: {avatars: [reds]}}",
+         ["10:27: outputs.bvh.avatars[0]: is 'reds', expected the number or name of an avatar, or red or blue "
+          "(did you mean 'red'?)"]),
         ("outputs: {png: {}}",
          ["10:11: outputs.png: unknown key, expected take, bvh, ply, pcd, render, profile, csv or glb"]),
         ("arena: {kind: circle, radius: .inf}", ["10:31: arena.radius: is .inf, expected a finite number"]),
@@ -309,9 +313,11 @@ def test_a_duration_may_be_given_in_seconds(duration):
     assert load_scenario("s.yaml", ["duration=4s"]).control_frames(15.0) == 60
 
 
-@pytest.mark.parametrize("frames", ["[60, 150]", "60:150", "2s:5s", "[2s, 5s]", "{seconds: [2, 5]}", "1.99s:4.99s"])
+@pytest.mark.parametrize(
+    "frames", ["[60, 150]", "60:150", "2s:5s", "[2s, 5s]", "{seconds: [2, 5]}", "1.99s:4.99s", "2s..5s"]
+)
 def test_frames_of_an_output_may_be_given_in_seconds(frames):
-    text = BASE + f"outputs: {{bvh: {{fps: 30, frames: {frames}}}, render: {{frames: {frames}}}}}"
+    text = BASE + f"outputs: {{bvh: {{fps: 30, frames: {frames}}}, render: {{fps: 30, frames: {frames}}}}}"
     Path("s.yaml").write_text(text, encoding="utf-8")
     scenario = load_scenario("s.yaml")
     assert scenario.outputs.bvh.frames == scenario.outputs.render.frames == (60, 150)
@@ -406,8 +412,8 @@ def test_names_that_refer_to_nothing_are_found_beside_other_mistakes():
     text = BASE.replace("seed: 1", "sede: 1").replace("team: red, type: boxer", "team: red, type: boxxer")
     assert findings(text) == [
         "3:1: sede: unknown key, expected version, name, description, seed, duration, pre_roll, fps, arena, types, "
-        "groups, opponents, collision_avoidance, reactions, until, linger, targets, events or outputs (did you mean "
-        "'seed'?)",
+        "groups, opponents, collision_avoidance, reactions, until, linger, targets, events, cameras or outputs "
+        "(did you mean 'seed'?)",
         "8:34: groups[0].type: is 'boxxer', expected a type: boxer (did you mean 'boxer'?)",
     ]
 
@@ -584,3 +590,24 @@ def test_any_damage_gives_findings_of_one_line_or_a_scenario_that_resolves(rando
     if not found:
         Path("r.yaml").write_text(dump_scenario(load_scenario("s.yaml")))
         assert load_scenario("r.yaml") == load_scenario("s.yaml")
+
+
+def test_pictures_have_the_rate_of_the_scenario():
+    scenario = load_scenario(yaml.safe_load(BASE), ["fps=24", "outputs={bvh: {}, render: {}, ply: {fps: 12}}"])
+    assert [output.rate for output in scenario.outputs.wanted() if isinstance(output, Ranged)] == [24.0, 12.0, 24.0]
+
+
+def test_avatars_to_export_may_be_named_as_groups_and_avatars():
+    scenario = load_scenario(yaml.safe_load(BASE), ["outputs.bvh.avatars=[blue, red_1, 0]"])
+    assert scenario.outputs.bvh.avatars == (0, 1, 3, 4)
+
+
+def test_names_of_cameras_become_their_keys():
+    cameras = "cameras={low: {kind: follow, avatar: red_1}, far: {kind: orbit, distance: 30}}"
+    shots = "[{camera: low, to: 2s}, {camera: side, from: 2s, to: 90}]"
+    scenario = load_scenario(yaml.safe_load(BASE), [cameras, f"outputs.render={{camera: far, shots: {shots}}}"])
+    render = scenario.outputs.render
+    assert (render.camera.kind, render.camera.distance) == ("orbit", 30.0)
+    assert [getattr(shot.camera, "kind", shot.camera) for shot in render.shots] == ["follow", "side"]
+    Path("again.yaml").write_text(dump_scenario(scenario), encoding="utf-8")
+    assert load_scenario("again.yaml") == scenario

@@ -7,6 +7,9 @@ import numpy as np
 from crowdsim.crowd.kernels.layout import BLOCKED, EVADED, LANDED
 from crowdsim.jit import kernel
 from crowdsim.render.kernels.columns import (
+    BOUNCE_BLUE,
+    BOUNCE_GREEN,
+    BOUNCE_RED,
     EYE_Y,
     FLASH_AGE,
     FLASH_DEPTH,
@@ -15,11 +18,21 @@ from crowdsim.render.kernels.columns import (
     FLASH_SIZE,
     FLASH_X,
     FLASH_Y,
+    FLAT,
     GLOSS,
     HAZE,
+    HORIZON_BLUE,
+    HORIZON_GREEN,
+    HORIZON_RED,
     PAINT_BLUE,
     PAINT_GREEN,
     PAINT_RED,
+    SKY_BLUE,
+    SKY_GREEN,
+    SKY_RED,
+    SUN_BLUE,
+    SUN_GREEN,
+    SUN_RED,
     SUN_X,
     SUN_Y,
     SUN_Z,
@@ -58,6 +71,11 @@ def paint_points(buf, lit, count, camera, light, paints):
     points, ids, pixels = lit.values, lit.ids, lit.pixels
     lx, ly, lz = F(light[SUN_X]), F(light[SUN_Y]), F(light[SUN_Z])
     height, haze = F(camera[EYE_Y]), F(1.0 / camera[HAZE])
+    sun_red, sun_green, sun_blue = F(light[SUN_RED]), F(light[SUN_GREEN]), F(light[SUN_BLUE])
+    sky_red, sky_green, sky_blue = F(light[SKY_RED]), F(light[SKY_GREEN]), F(light[SKY_BLUE])
+    low_red, low_green, low_blue = F(light[BOUNCE_RED]), F(light[BOUNCE_GREEN]), F(light[BOUNCE_BLUE])
+    far_red, far_green, far_blue = F(light[HORIZON_RED]), F(light[HORIZON_GREEN]), F(light[HORIZON_BLUE])
+    thick = ZERO if light[FLAT] > 0.0 else ONE
     for i in range(N):
         buf[RED + i] *= buf[REST + i]
         buf[GREEN + i] *= buf[REST + i]
@@ -85,14 +103,14 @@ def paint_points(buf, lit, count, camera, light, paints):
         rim = F(0.35) * gloss * sky * rim * rim
         far = points[WAY + p] * haze
         far = far * far
-        fog = far / (ONE + far)
+        fog = thick * far / (ONE + far)
         share, clear = points[SHARE + p] * fog, points[SHARE + p] * (ONE - fog)
-        red = paints[c, PAINT_RED] * (F(1.22) * sun + F(0.40) * sky + F(0.20) * floor) + shine + F(0.8) * rim
-        green = paints[c, PAINT_GREEN] * (F(1.19) * sun + F(0.45) * sky + F(0.20) * floor) + shine + F(0.9) * rim
-        blue = paints[c, PAINT_BLUE] * (F(1.11) * sun + F(0.53) * sky + F(0.19) * floor) + shine + rim
-        buf[RED + i] += clear * red + share * F(0.66)
-        buf[GREEN + i] += clear * green + share * F(0.73)
-        buf[BLUE + i] += clear * blue + share * F(0.81)
+        red = paints[c, PAINT_RED] * (sun_red * sun + sky_red * sky + low_red * floor) + shine + F(0.8) * rim
+        green = paints[c, PAINT_GREEN] * (sun_green * sun + sky_green * sky + low_green * floor) + shine + F(0.9) * rim
+        blue = paints[c, PAINT_BLUE] * (sun_blue * sun + sky_blue * sky + low_blue * floor) + shine + rim
+        buf[RED + i] += clear * red + share * far_red
+        buf[GREEN + i] += clear * green + share * far_green
+        buf[BLUE + i] += clear * blue + share * far_blue
 
 
 @kernel(fastmath=FLAGS)
@@ -155,7 +173,18 @@ def _mark(outcome, x, y, square, age):
 
 @kernel(fastmath=FLAGS)
 def develop(buf, packed, x0, y0, out):
-    """Write a tile's linear colours as bytes."""
+    """Write a tile's linear colours as bytes; with a fourth channel as colours of figures alone, and how they cover."""
+    is_clear = out.shape[2] == 4
+    if is_clear:
+        for i in range(N):
+            # Flashes shine where no figure is.
+            glow = max(buf[RED + i], max(buf[GREEN + i], buf[BLUE + i])) if buf[REST + i] > F(0.996) else ZERO
+            cover = min(max(ONE - buf[REST + i], glow), ONE)
+            over = ONE / max(cover, F(1e-3))
+            buf[RED + i] *= over
+            buf[GREEN + i] *= over
+            buf[BLUE + i] *= over
+            buf[REST + i] = cover
     for i in range(3 * N):
         value = max(buf[RED + i], ZERO)
         # A shoulder keeps highlights from clipping; the square root approximates the display's curve.
@@ -170,3 +199,5 @@ def develop(buf, packed, x0, y0, out):
             out[y0 + y, x0 + x, 0] = colour & 255
             out[y0 + y, x0 + x, 1] = (colour >> 8) & 255
             out[y0 + y, x0 + x, 2] = colour >> 16
+            if is_clear:
+                out[y0 + y, x0 + x, 3] = np.int32(buf[REST + 8 * y + x] * F(255.0) + HALF)

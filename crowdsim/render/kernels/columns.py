@@ -15,6 +15,18 @@ SOFTNESS, WIDEST = 14, 15
 """A light: direction to the sun, two directions across it, corner of the grid of shadows [m], its cells a metre, its
 columns and rows, tangent of the sun's apparent radius, widest blur [m]."""
 
+SUN_RED, SUN_GREEN, SUN_BLUE = 16, 17, 18
+SKY_RED, SKY_GREEN, SKY_BLUE = 19, 20, 21
+BOUNCE_RED, BOUNCE_GREEN, BOUNCE_BLUE = 22, 23, 24
+ALBEDO, SQUARES, LINES, FINE = 25, 26, 27, 28
+HORIZON_RED, HORIZON_GREEN, HORIZON_BLUE = 29, 30, 31
+ZENITH_RED, ZENITH_GREEN, ZENITH_BLUE = 32, 33, 34
+FLAT, SHADOW = 35, 36
+LIGHT = 37
+"""What follows in a light: light of sun, sky and floor; how bright the floor is, and how strong its squares, lines and
+fine lines are; colours of the sky; whether floor and sky are of the horizon's colour alone, and the share of it that
+shadows take from the floor; number of columns."""
+
 FLOOR_X, FLOOR_Z, FLOOR_PER_METRE, FLOOR_COLUMNS, FLOOR_ROWS, REACH = 0, 1, 2, 3, 4, 5
 """A floor: corner of the grid of contacts [m], its cells a metre, its columns and rows, reach [m]."""
 

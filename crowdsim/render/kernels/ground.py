@@ -6,6 +6,7 @@ import numpy as np
 
 from crowdsim.jit import kernel
 from crowdsim.render.kernels.columns import (
+    ALBEDO,
     ARENA_HALF_X,
     ARENA_HALF_Z,
     ARENA_KIND,
@@ -15,8 +16,25 @@ from crowdsim.render.kernels.columns import (
     EYE_X,
     EYE_Y,
     EYE_Z,
+    FINE,
+    FLAT,
     HAZE,
+    HORIZON_BLUE,
+    HORIZON_GREEN,
+    HORIZON_RED,
+    LINES,
+    SHADOW,
+    SKY_BLUE,
+    SKY_GREEN,
+    SKY_RED,
+    SQUARES,
+    SUN_BLUE,
+    SUN_GREEN,
+    SUN_RED,
     SUN_Y,
+    ZENITH_BLUE,
+    ZENITH_GREEN,
+    ZENITH_RED,
 )
 from crowdsim.render.kernels.tiles import (
     BLUE,
@@ -118,8 +136,17 @@ def lay_arena(buf, camera, arena):
 def paint_background(buf, points, camera, light):
     """Write the colour of floor and sky: squares of 1 m, lines every 5 m, fine ones every 0.1 m near the eye.
 
-    A white line surrounds the arena, and the floor outside is darker.
+    A white line surrounds the arena, and the floor outside is darker. A flat background has neither pattern nor line,
+    only shadows.
     """
+    if light[FLAT] > 0.0:
+        red, green, blue = F(light[HORIZON_RED]), F(light[HORIZON_GREEN]), F(light[HORIZON_BLUE])
+        shadow = F(light[SHADOW])
+        for i in range(N):
+            dark = ONE - shadow * (ONE - (HALF + HALF * points[SUN + i]) * (HALF + HALF * points[SKY + i]))
+            dark = dark if buf[DY + i] < F(-1e-6) else ONE
+            buf[RED + i], buf[GREEN + i], buf[BLUE + i] = dark * red, dark * green, dark * blue
+        return
     # Wrapping the eye's place keeps the sums small; 10 m is a common period of all patterns.
     ex, ez = (
         F(camera[EYE_X] - 10.0 * np.floor(camera[EYE_X] / 10.0)),
@@ -127,6 +154,20 @@ def paint_background(buf, points, camera, light):
     )
     haze = F(1.0 / camera[HAZE])
     sun = F(light[SUN_Y])
+    sun_red, sun_green, sun_blue = sun * F(light[SUN_RED]), sun * F(light[SUN_GREEN]), sun * F(light[SUN_BLUE])
+    # A floor sees a little less of the sky's light than bodies, which stand up into it.
+    sky_red, sky_green, sky_blue = (
+        F(light[SKY_RED] - 0.03),
+        F(light[SKY_GREEN] - 0.03),
+        F(light[SKY_BLUE] - 0.03),
+    )
+    bright, contrast, thick, thin = F(light[ALBEDO]), F(light[SQUARES]), F(light[LINES]), F(light[FINE])
+    low_red, low_green, low_blue = F(light[HORIZON_RED]), F(light[HORIZON_GREEN]), F(light[HORIZON_BLUE])
+    high_red, high_green, high_blue = (
+        F(light[ZENITH_RED] - light[HORIZON_RED]),
+        F(light[ZENITH_GREEN] - light[HORIZON_GREEN]),
+        F(light[ZENITH_BLUE] - light[HORIZON_BLUE]),
+    )
     for i in range(N):
         x, z = buf[GROUND_X + i] + ex, buf[GROUND_Z + i] + ez
         wx, wz = buf[WIDTH_X + i], buf[WIDTH_Z + i]
@@ -138,10 +179,10 @@ def paint_background(buf, points, camera, light):
         ten = F(10.0)
         fine = ONE - (ONE - _stripes(x * ten, wx * ten, F(0.06))) * (ONE - _stripes(z * ten, wz * ten, F(0.06)))
         fine = fine * min(max(F(1.3) - F(45.0) * max(wx, wz), ZERO), ONE)
-        albedo = F(0.40) + F(0.055) * squares
-        albedo = albedo * (ONE - F(0.34) * line) * (ONE - F(0.13) * fine) * (ONE - F(0.30) * buf[OUTSIDE + i])
+        albedo = bright + contrast * squares
+        albedo = albedo * (ONE - thick * line) * (ONE - thin * fine) * (ONE - F(0.30) * buf[OUTSIDE + i])
         albedo = albedo + buf[LINE + i] * (F(0.85) - albedo)
-        direct = sun * points[SUN + i]
+        direct = points[SUN + i]
         sky = points[SKY + i]
         far = buf[GROUND_T + i] * haze
         far = far * far
@@ -150,6 +191,6 @@ def paint_background(buf, points, camera, light):
         up = ONE - max(buf[DY + i], ZERO)
         up = ONE - up * up * up
         clear = ONE - fog
-        buf[RED + i] = clear * albedo * (F(1.22) * direct + F(0.37) * sky) + fog * (F(0.66) - F(0.42) * up)
-        buf[GREEN + i] = clear * albedo * (F(1.19) * direct + F(0.42) * sky) + fog * (F(0.73) - F(0.36) * up)
-        buf[BLUE + i] = clear * albedo * (F(1.11) * direct + F(0.50) * sky) + fog * (F(0.81) - F(0.20) * up)
+        buf[RED + i] = clear * albedo * (sun_red * direct + sky_red * sky) + fog * (low_red + high_red * up)
+        buf[GREEN + i] = clear * albedo * (sun_green * direct + sky_green * sky) + fog * (low_green + high_green * up)
+        buf[BLUE + i] = clear * albedo * (sun_blue * direct + sky_blue * sky) + fog * (low_blue + high_blue * up)

@@ -1,0 +1,41 @@
+"""Words for how pictures look, which never changes what a take is."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, WithJsonSchema
+
+from crowdsim.config.schema import quoted
+from crowdsim.errors import nearest
+
+MARKS = ("none", "landed", "all")
+LIGHTS = ("day", "soft", "evening", "night")
+BACKGROUNDS = ("day", "dark", "studio", "white", "black", "green")
+MOST_BLUR = 64
+"""Of how many moments a picture may be the mean."""
+_COLOUR = "#[0-9a-fA-F]{6}"
+
+Marks = Literal["none", "landed", "all"]
+Light = Literal["day", "soft", "evening", "night"]
+
+
+def check_background(text: str) -> str:
+    """Return the word or colour of a background.
+
+    Raises:
+        ValueError: It is none.
+    """
+    if text not in BACKGROUNDS and not re.fullmatch(_COLOUR, text):
+        raise ValueError(f"expected {quoted(BACKGROUNDS)} or a colour as '#rrggbb'{nearest(text, BACKGROUNDS)}")
+    return text
+
+
+Background = Annotated[
+    str,
+    AfterValidator(check_background),
+    WithJsonSchema(
+        {"type": "string", "pattern": f"^({'|'.join(BACKGROUNDS)}|{_COLOUR})$", "examples": [*BACKGROUNDS, "#ff9000"]}
+    ),
+]
