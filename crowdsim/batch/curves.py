@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from html import escape
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,18 +14,8 @@ WIDTH, HEIGHT = 420, 260
 _LEFT, _RIGHT, _TOP, _BOTTOM = 58, 14, 30, 42
 
 
-@dataclass(frozen=True)
-class Curve:
-    """A figure against a key.
-
-    Attributes:
-        label: What tells it from other curves; empty where it is the only one.
-        colour: Its colour.
-        x: Values of the key, ascending.
-        middle: Mean over runs at each of them.
-        low: Least.
-        high: Greatest.
-    """
+class Curve(NamedTuple):
+    """Mean, least and greatest of a figure at ascending values of a key; a label tells it from other curves."""
 
     label: str
     colour: str
@@ -48,13 +37,7 @@ def curve_of(label: str, colour: str, x: Sequence[float], y: Sequence[float]) ->
 
 
 def draw_curves(curves: Sequence[Curve], title: str, key: str) -> str:
-    """Return a picture of curves as SVG.
-
-    Args:
-        curves: The curves.
-        title: What they show, with its unit.
-        key: The swept key.
-    """
+    """Return a picture of curves as SVG: what ``title`` says, with its unit, against the swept key."""
     from matplotlib.ticker import MaxNLocator
 
     xs = [value for curve in curves for value in curve.x]

@@ -2,6 +2,7 @@
 
 import os
 import signal
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -48,12 +49,12 @@ def test_runs_are_extended_by_seconds_and_again(workplace: Path) -> None:
 
 @pytest.mark.parametrize("number", [None, signal.SIGTERM])
 def test_an_extension_that_stopped_leaves_the_run_as_it_is_and_goes_on(
-    workplace: Path, monkeypatch, capsys, number: int | None
+    workplace: Path, finish: Callable[..., None], monkeypatch, capsys, number: int | None
 ) -> None:
     monkeypatch.setattr(Pace, "is_due", lambda self, size: True)
     write_scene_of(workplace, 30, 8)
-    assert crowdsim("run", "four.yaml", "--frames", "60", "--out", "undisturbed") == 0
-    assert crowdsim("run", "four.yaml", "--out", "run") == 0
+    finish(workplace, "--frames", "60", out="undisturbed")
+    finish(workplace)
     before = tree(workplace / "run")
     extend = ("run", "four.yaml", "--out", "run", "--extend", "30")
     with monkeypatch.context() as patch:
@@ -77,11 +78,11 @@ def test_an_extension_that_stopped_leaves_the_run_as_it_is_and_goes_on(
 
 @pytest.mark.parametrize("moves", [0, 1, 7, 40])
 def test_an_extension_that_stopped_while_it_took_its_place_is_completed_by_any_command(
-    workplace: Path, monkeypatch, moves: int
+    workplace: Path, finish: Callable[..., None], monkeypatch, moves: int
 ) -> None:
     write_scene_of(workplace, 30, 8)
-    assert crowdsim("run", "four.yaml", "--frames", "60", "--out", "undisturbed") == 0
-    assert crowdsim("run", "four.yaml", "--out", "run") == 0
+    finish(workplace, "--frames", "60", out="undisturbed")
+    finish(workplace)
     move, done = os.replace, []
 
     def replace(source, target, **named) -> None:

@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -39,10 +40,10 @@ COMMANDS = [
 
 
 @pytest.fixture
-def place(workplace: Path) -> Path:
+def place(workplace: Path, finish: Callable[..., None]) -> Path:
     """A folder with a run, and beside it files of the user."""
     write_scene(workplace / "four.yaml")
-    assert crowdsim("run", "four.yaml", "--out", "run") == 0
+    finish(workplace)
     (workplace / "victim" / "bvh").mkdir(parents=True)
     for name in ("thesis.txt", "bvh/red_0.bvh", "manifest.json", "stage.json", "checkpoint.bin"):
         (workplace / "victim" / name).write_text("precious")
@@ -218,6 +219,8 @@ def test_only_what_crowdsim_has_written_is_replaced_and_only_by_force(place: Pat
 def test_runs_open_from_any_working_folder(place: Path, monkeypatch, capsys) -> None:
     import crowdsim as package
 
+    # Done here, with the policies of this folder.
+    assert crowdsim("run", "four.yaml", "--out", "run", "--force") == 0
     run = place / "far" / "away" / "run"
     expected = package.open_run(place / "run").joints(0, 1.0)
     run.parent.mkdir(parents=True)

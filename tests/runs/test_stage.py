@@ -1,6 +1,7 @@
 """Exports appear all together, go on after an interruption, and leave nothing behind."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -18,10 +19,10 @@ SECOND = (*FIRST[:5], "60", "--every", "7", "--points", "30", "--threads", "1")
 
 
 @pytest.fixture
-def exported(workplace: Path) -> Path:
+def exported(workplace: Path, finish: Callable[..., None]) -> Path:
     """A run with exports."""
     write_scene(workplace / "four.yaml")
-    assert crowdsim("run", "four.yaml", "--out", "run") == 0
+    finish(workplace)
     assert crowdsim(*FIRST) == 0
     return workplace / "run"
 
