@@ -1,7 +1,7 @@
 """Exports of 30 avatars: BVH beside numpy.savetxt and orjson, point clouds beside Open3D's legacy writer.
 
     python benchmarks/export.py [--json] [--quick] [--frames 4000] [--clouds 1000] [--threads 2] [--repeats 3]
-                                [--control 60000]
+                                [--control 60000] [--inspected 150000]
 
 Thirty avatars play the embedded boxer's motion, each from another moment. Posing is not counted; everything after it,
 to files under their final names, is, the best of several runs. A cloud has 500 points per avatar with normals,
@@ -9,7 +9,7 @@ velocities, avatar, team and joint.
 
 ``commands`` are whole commands in a fresh process each, posing included: BVH at 15 frames a second of thirty boxers
 over ``--control`` control frames (``brawl_30``), with kernels compiled before and with none (``cold``), and
-``inspect``.
+``inspect`` of ``--inspected`` control frames.
 
 numpy.savetxt and orjson write only the rows of the BVH files; savetxt is timed on two files and the legacy writer,
 which supports neither velocities nor labels, on fifty, and multiplied.
@@ -158,14 +158,15 @@ def measure(frames: int, clouds: int, threads: int, repeats: int) -> dict[str, A
     return outcome
 
 
-def commands(frames: int) -> dict[str, dict[str, float]]:
-    """What exporting and describing a long run cost, from the command to the prompt."""
+def commands(exported: int, inspected: int) -> dict[str, dict[str, float]]:
+    """What exporting and describing long runs cost, from the command to the prompt."""
     with tempfile.TemporaryDirectory() as name:
-        run = str(Path(name) / "run")
-        whole_command("run", "brawl_30", "--out", run, "--frames", str(frames), "--set", "outputs={}")
-        outcome = warm_and_cold(Path(name), "export", run, "--bvh", "--fps", "15")
-        plots = str(Path(name) / "plots")
-        return {**outcome, "inspect": whole_command("inspect", run, "--plots", plots)}
+        runs = [str(Path(name) / what) for what in ("exported", "inspected")]
+        for run, frames in zip(runs, (exported, inspected), strict=True):
+            whole_command("run", "brawl_30", "--out", run, "--frames", str(frames), "--set", "outputs={}")
+        outcome = warm_and_cold(Path(name), "export", runs[0], "--bvh", "--fps", "15")
+        whole_command("inspect", runs[1])
+        return {**outcome, "inspect": whole_command("inspect", runs[1])}
 
 
 def main() -> None:
@@ -175,15 +176,16 @@ def main() -> None:
     parser.add_argument("--clouds", type=int, default=1000)
     parser.add_argument("--threads", type=int, default=min(2, os.cpu_count() or 1))
     parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--control", type=int, default=60_000, help="control frames of whole commands")
+    parser.add_argument("--control", type=int, default=60_000, help="control frames that are exported as BVH")
+    parser.add_argument("--inspected", type=int, default=150_000, help="control frames that `inspect` describes")
     parser.add_argument("--quick", action="store_true", help="seconds: few frames and clouds")
     chosen = parser.parse_args()
     if chosen.quick:
         chosen.frames, chosen.clouds, chosen.repeats = min(chosen.frames, 60), min(chosen.clouds, 4), 1
-        chosen.control = min(chosen.control, 60)
+        chosen.control, chosen.inspected = min(chosen.control, 60), min(chosen.inspected, 60)
     outcome = measure(chosen.frames, chosen.clouds, chosen.threads, chosen.repeats)
     with small_policies() if chosen.quick else nullcontext():
-        outcome["commands"] = commands(chosen.control)
+        outcome["commands"] = commands(chosen.control, chosen.inspected)
     if chosen.json:
         print(json.dumps({**vars(chosen), **outcome}, indent=2))
         return
@@ -198,7 +200,8 @@ def main() -> None:
     for row, one in outcome["commands"].items():
         what = {"warm": "BVH", "cold": "the same, nothing compiled", "inspect": "inspect"}[row]
         seconds, peak = one["wall_seconds"], one["peak_bytes"] / 1e9
-        print(f"30 boxers x {chosen.control:,} control frames, {what}: {seconds:.1f} s, {peak:.2f} GB")
+        frames = chosen.inspected if row == "inspect" else chosen.control
+        print(f"30 boxers x {frames:,} control frames, {what}: {seconds:.1f} s, {peak:.2f} GB")
 
 
 if __name__ == "__main__":

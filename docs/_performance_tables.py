@@ -113,7 +113,7 @@ def waiting(results: Results) -> list[str]:
         row("the same, nothing compiled", "render", "100000", "cold"),
         row("30 boxers, 60,000 control frames, to BVH at 15 frames a second", "export", "warm"),
         row("the same, nothing compiled", "export", "cold"),
-        row("the same run, `inspect`", "export", "inspect"),
+        row("30 boxers, 150,000 control frames, `inspect`", "export", "inspect"),
     ]
     return results.table(["whole command", "time [s]", "CPU time [s]", "memory [GB]"], rows, "render", "export")
 

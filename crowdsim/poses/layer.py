@@ -61,7 +61,7 @@ class Part:
         """Return some of it: rows of times and places of avatars, both by index."""
         part = Part(self.policy, self.window, self.moments, self.layers, self.hops)
         part.moments = Moments(self.moments.columns[columns], self.moments.times[times])
-        part.playback = Playback(*(values[times][:, columns] for values in self.playback))
+        part.playback = Playback(*(values[times].take(columns, axis=1) for values in self.playback))
         return part
 
 
@@ -152,7 +152,9 @@ class Block(NamedTuple):
 
     def of(self, times: Array, columns: Array, which: Array) -> Block:
         """Return some of it: rows of times, and places of avatars that are ``which`` of those asked for."""
-        return Block(which, self.part.of(times, columns), Posed(*(values[times][:, columns] for values in self.poses)))
+        return Block(
+            which, self.part.of(times, columns), Posed(*(values[times].take(columns, axis=1) for values in self.poses))
+        )
 
 
 class Reader(Layer):
