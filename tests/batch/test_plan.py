@@ -120,7 +120,7 @@ def test_tasks_draw_whole_segments_and_together_all_pictures() -> None:
     render = RenderOutput(fps=30)
     run = run_of(300, Outputs(render=render))
     ranges = list(frame_ranges(render, run, 240))
-    assert ranges == [(0, 240), (240, 480), (480, 599)]
+    assert ranges == [(0, 240), (240, 480), (480, 600)]
     part = RenderOutput(fps=30, frames=(100, 500))
     assert list(frame_ranges(part, run, 240)) == [(100, 240), (240, 480), (480, 500)]
     assert list(frame_ranges(part, run, 480)) == [(100, 480), (480, 500)]
