@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from scenes import crowdsim
 
+from crowdsim.commands.figures_text import percent
 from crowdsim.performer.session import write_performance
 from crowdsim.training.recipe import load_recipe
 
@@ -122,6 +123,8 @@ def test_training_ends_with_a_summary_whose_json_says_the_same(inside, capsys):
         "  reach       heads {:.2f} to {:.2f} m away; fists ".format(*reach["distance"]),
         f"  speed       follows a target at up to {summary['sustained_speed']:.1f} m/s",
         f"  fight       lands a strike within 6 s in {summary['success']['fight']['share']:.0%} of trials",
+        "  duel        with itself, of a minute, mean of several",
+        f"    turned away     {percent(summary['duel']['turned_away_share'])} of the time",
         "  weaknesses  ",
         "    little motion: 8 s, which soon repeats itself: add clips",
         f"  next        {summary['next']}",
@@ -133,6 +136,7 @@ def test_training_ends_with_a_summary_whose_json_says_the_same(inside, capsys):
     assert crowdsim("inspect", "me", "--json") == 0
     report = json.loads(capsys.readouterr().out)
     assert report["weaknesses"] == summary["weaknesses"]
+    assert report["duel"] == summary["duel"]
     assert report["behaviours"]["fight"]["success"] == summary["success"]["fight"]
 
 

@@ -6,7 +6,7 @@ does the same, in the crowd's control. Seeds are given, so that the same policy 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,8 @@ from crowdsim.take.measures import FightCounter, opponent_offsets
 
 SECONDS, SEEDS = 60, range(1, 6)
 """Length of a duel [s], and the seeds of those that are fought: one alone says little."""
+GRADED = "graded"
+"""What the scene calls the policy, whose own name may be none that scenarios can have."""
 STILL = 0.05
 """An avatar stands still in frames in which none of its joints is faster than this [m/s]."""
 FIRST = 10.0
@@ -75,9 +77,9 @@ def grade_policy(policy: Policy, progress: Progress | None = None) -> dict[str, 
 
 def _fight(policy: Policy, seed: int, speeds: Array) -> Duels:
     """Return what comes of one duel; ``speeds`` is what ``joint_speeds`` returns of the policy."""
-    settings = [f"types.boxer.policy={policy.name}", f"duration={SECONDS}s"]
-    scene = load_scenario(assets.shipped("scenarios", "duel.yaml"), settings, seed, policies=[policy.name])
-    crowd = draw_crowd(scene, [policy])
+    settings = [f"types.boxer.policy={GRADED}", f"duration={SECONDS}s"]
+    scene = load_scenario(assets.shipped("scenarios", "duel.yaml"), settings, seed, policies=[GRADED])
+    crowd = draw_crowd(scene, [replace(policy, name=GRADED)])
     counter, chunks = FightCounter(crowd.cast.widths, crowd.rate, crowd.frames, FIRST), []
     for chunk in simulate(crowd, crowd.frames):
         counter.add(chunk)

@@ -63,7 +63,7 @@ def test_motion_that_is_held_stands_still(policy, grades):
 
 
 def test_training_ends_with_duels_and_keeps_their_figures(tiny_policy, tmp_path):
-    recipe = tmp_path / "tiny.yaml"
+    recipe = tmp_path / "my 1st: null.yaml"
     recipe.write_text(tiny_policy.with_suffix(".yaml").read_text(encoding="utf-8"), encoding="utf-8")
     stages = []
     folder, trained = train_recipe(recipe, progress=lambda stage, done, total: stages.append(stage))
