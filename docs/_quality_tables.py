@@ -283,10 +283,11 @@ def cameras(results: Results) -> list[str]:
     for scene in ("duel", "bout"):
         for camera in ("auto", "side"):
             seen = results.cell(percent, "cameras", scene, camera, "seen_share")
-            is_missed = camera == "auto" and (results.get("cameras", scene, camera, "seen_share") or 0.0) < CAMERA_GOAL
+            share = results.get("cameras", scene, camera, "seen_share")
+            is_missed = camera == "auto" and isinstance(share, float) and share < CAMERA_GOAL
             rows.append([
                 f"`{scene}`, `{camera}`",
-                f"**{seen}**" if is_missed and results.has("cameras", scene) else seen,
+                f"**{seen}**" if is_missed else seen,
                 *(results.cell(percent, "cameras", scene, camera, key) for key in ("glove_share", "face_share")),
                 *(results.cell(number, "cameras", scene, key) if camera == "auto" else ""
                   for key in ("cuts_per_minute", "turn_median", "turn_99")),

@@ -89,7 +89,7 @@ def resolve_camera(source: PoseSource, chosen: Chosen) -> tuple[Camera, ...]:
     for camera in found:
         for finding in check_avatars(camera, source.avatar_names):
             raise CrowdsimError(f"camera {chosen if isinstance(chosen, str) else camera.kind!r}: {finding.message}")
-    return found
+    return tuple(camera.numbered(source.avatar_names) for camera in found)
 
 
 def build_track(source: PoseSource, camera: Chosen, size: tuple[int, int], crowd: Crowd | None = None) -> Track:

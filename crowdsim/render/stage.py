@@ -75,10 +75,17 @@ class Stage:
         samples = self.look.motion_blur
         first, end = 2 * samples * frame, 2 * samples * (stop or frame + 1)
         last = self.finer.source.frame_count - 1
-        total: Array = np.float32(0.0)  # type: ignore[assignment]
+        light: Any = 0.0
+        cover: Any = 0.0
         for sample in range(samples):
-            total = total + self.finer._still(min(first + sample, last), threads, end).astype(np.float32) ** 2
-        return np.asarray((np.sqrt(total / samples) + 0.5).astype(np.uint8))
+            part = self.finer._still(min(first + sample, last), threads, end).astype(np.float32)
+            # A figure that covers half of a pixel gives it half as much light.
+            own = part[..., 3:] if self.look.transparent else np.float32(255.0)
+            light, cover = light + part[..., :3] ** 2 * own, cover + own
+        mean = np.sqrt(light / np.maximum(cover, np.float32(1e-3)))
+        if self.look.transparent:
+            mean = np.concatenate([mean, np.asarray(cover) / samples], axis=2)
+        return np.asarray((mean + 0.5).astype(np.uint8))
 
     def _still(self, frame: int, threads: int, stop: int | None) -> Array:
         """Draw a frame without motion blur and caption."""

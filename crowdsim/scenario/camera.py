@@ -81,6 +81,18 @@ class Camera(StrictModel):
         """Yield the key of each avatar that the camera names, and its number or name."""
         yield from ()
 
+    def numbered(self, names: Sequence[str]) -> Camera:
+        """Return it with numbers of avatars instead of names, so that equal cameras are equal however they are named.
+
+        Raises:
+            CrowdsimError: There is no such avatar.
+        """
+        update: dict[str, Any] = {}
+        for (key, *index), avatar in self.avatars_named():
+            number = avatar_number(avatar, names)
+            update[str(key)] = (*update.get(str(key), ()), number) if index else number
+        return self.model_copy(update=update)
+
 
 def avatar_number(avatar: int | str, names: Sequence[str]) -> int:
     """Return the number of an avatar that is given by number or name.

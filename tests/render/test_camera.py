@@ -199,7 +199,7 @@ def test_cameras_are_found_by_name_in_files_and_by_kind(tmp_path):
     file = tmp_path / "cameras.yaml"
     file.write_text("cameras:\n  low: {kind: follow, avatar: walker_2, height: 0.4}\n  high: {kind: top}\n")
     (low,) = resolve_camera(source, f"{file}#low")
-    assert (low.kind, low.avatar, low.height) == ("follow", "walker_2", 0.4)
+    assert (low.kind, low.avatar, low.height) == ("follow", 2, 0.4)
     with pytest.raises(CrowdsimError) as caught:
         resolve_camera(source, f"{file}#hihg")
     assert str(caught.value) == (

@@ -136,6 +136,13 @@ def test_motion_blur_is_the_mean_of_moments_while_a_shutter_is_open():
     assert np.abs(blurred - np.sqrt(np.mean(moments, axis=0))).max() <= 1.0
     sharp = build_stage(source, SIZE, camera, Look(caption=False)).picture(5)
     assert (np.abs(blurred - sharp) > 8).sum() > 50
+    clear = build_stage(source, SIZE, camera, Look(transparent=True, motion_blur=4)).picture(5).astype(float)
+    alone = build_stage(source.at_rate(240.0), SIZE, camera, Look(transparent=True))
+    covers = np.mean([alone.picture(40 + i)[..., 3].astype(float) for i in range(4)], axis=0)
+    assert np.abs(clear[..., 3] - covers).max() <= 1.0
+    # Where a figure passes, its colour is no darker for being there half of the time.
+    passing = (covers > 60) & (covers < 190)
+    assert clear[passing][:, :3].max(axis=1).mean() > 0.8 * clear[covers > 250][:, :3].max(axis=1).mean()
     with pytest.raises(CrowdsimError, match="is no run, of which alone pictures have motion blur"):
         build_stage(Walkers(source.paths), SIZE, "top", Look(motion_blur=2))
 
