@@ -62,7 +62,7 @@ def test_any_layout_becomes_a_recipe_and_a_bundle(inside, capsys):
 
 def test_a_changed_recipe_is_trained_again_from_its_own_folder(inside, tmp_path, capsys):
     text = Path("policies/me.yaml").read_text().replace("mirror: true", "mirror: false")
-    text = re.sub(r"folder: \S+", f"folder: {inside}/capture", re.sub(r"count: \d+", "count: 4", text))
+    text = re.sub(r"folder: \S+", f"folder: {inside}/capture", re.sub(r"\bcount: \d+", "count: 4", text))
     (tmp_path / "mine.yaml").write_text(text)
     assert crowdsim("train", tmp_path / "mine.yaml") == 0
     printed = capsys.readouterr().out
