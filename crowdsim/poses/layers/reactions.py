@@ -56,7 +56,7 @@ class Reactions(Layer):
 
     name = "reactions"
     size = 0.6
-    reading = 0.15
+    reading = 0.2
     needs = ("separation",)
     looks = (ROUNDS + 1) * LENGTH + _KICK, RISE
 
