@@ -173,7 +173,10 @@ class RenderOutput(Ranged):
         ]
         words += ["--png"] * self.png + ["--mp4"] * self.mp4
         words += ["--contact-sheet", str(self.contact_sheet)] if self.contact_sheet else []
-        words += ["--camera", self.camera] if isinstance(self.camera, str) else []
+        if self.shots:
+            words += ["--shots", f"{run}/scenario.resolved.yaml"]
+        elif isinstance(self.camera, str):
+            words += ["--camera", self.camera]
         for name in ("marks", "background", "light"):
             words += (
                 [f"--{name}", getattr(self, name)]

@@ -10,17 +10,26 @@ from crowdsim.errors import TakeError
 from crowdsim.export.select import parse_avatars
 
 NAMES = np.array([f"red_{number}" for number in range(8)] + ["blue-1_0", "blue-1_1"])
-CAST = replace(build_crowd(np.arange(10.0), np.zeros(10)).cast, names=NAMES)
+CAST = replace(
+    build_crowd(np.arange(10.0), np.zeros(10)).cast,
+    names=NAMES,
+    types=np.isin(np.arange(10), (2, 9)).astype(np.int16),
+    type_names=("light", "heavy"),
+    teams=(np.arange(10) == 4).astype(np.int16),
+    team_names=("home", "guests"),
+)
 
 
 @pytest.mark.parametrize(
     ("text", "numbers"),
     [
         (None, None), ("0", [0]), ("0-3", [0, 1, 2, 3]), ("7,1 , 3-4,3", [1, 3, 4, 7]), ("9-9", [9]),
-        ("red_7", [7]), ("blue-1_1, 2 ,red_05", [2, 5, 9]),
+        ("red_7", [7]), ("blue-1_1, 2 ,red_05", [2, 5, 9]), ("blue-1,1", [1, 8, 9]), ("heavy", [2, 9]), ("guests", [4]),
     ],
 )  # fmt: skip
-def test_avatars_are_numbers_names_and_ranges(text: str | None, numbers: list[int] | None) -> None:
+def test_avatars_are_numbers_ranges_and_names_of_avatars_groups_types_and_teams(
+    text: str | None, numbers: list[int] | None
+) -> None:
     assert parse_avatars(text, CAST) == numbers
 
 
