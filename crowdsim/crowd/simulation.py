@@ -205,7 +205,7 @@ class Simulation:
             step = self._agenda.until_next(self.frame, most)
             rows = record.rows(done, done + step)
             times = timings[done : done + step]
-            if self.present <= SMALL and self._search == "auto" and not self._is_rolled_in:
+            if self.present <= SMALL and self._search == "auto":
                 ran, thrown = self._run_small(rows, times)
             else:
                 ran, thrown = self._run_stages(rows, times)
@@ -227,13 +227,13 @@ class Simulation:
         frames, present = len(rows.action), self.present
         world = self._world_at(self.frame - 1, frames + 1)
         strikes = empty_strikes(16 * present + present * frames // 2)
-        fresh = len(self._fresh) > 0
-        if fresh and len(self._fresh) < present:
+        fresh, still = self._fresh, self._is_rolled_in or len(self._fresh) == present
+        if len(fresh) and not still:
             # Avatars that have just entered decide before the others move.
             return self._run_stages(rows.rows(0, 1), timings[:1])
         self._note_search("direct")
         ran, held, lost = run_frames(
-            self.model, self.avatars, world, self._now, frames, fresh, self._scratch, rows, strikes, timings
+            self.model, self.avatars, world, self._now, frames, still, fresh, self._scratch, rows, strikes, timings
         )
         if lost >= 0:
             raise lost_avatar(self.avatars, lost, self.frame + ran)

@@ -13,10 +13,10 @@ from crowdsim.jit import kernel
 
 
 @kernel
-def run_frames(model, avatars, world, now, count, fresh, scratch, record, strikes, timings):
+def run_frames(model, avatars, world, now, count, still, fresh, scratch, record, strikes, timings):
     """Run ``count`` control frames from ``now`` on for a small crowd, and record them.
 
-    ``fresh``: the first frame only decides, since nothing has moved yet. ``timings`` (count, 6) takes the time of
+    ``still``: in the first frame nobody moves, and those in slots ``fresh`` decide. ``timings`` (count, 6) takes the time of
     index, observe, choose, advance, strikes and record [ns]; without rows no clock is read. Returns the frames
     done, which are fewer where room for strikes may not last, an avatar is knocked down, or events wait for strikes
     and some are thrown; the number of strikes; and the slot of an avatar whose position or values are not numbers,
@@ -34,7 +34,7 @@ def run_frames(model, avatars, world, now, count, fresh, scratch, record, strike
             return k, held, -1
         then = Now(now.frame + k, now.moment + k, present)
         note_time(timings, clock, 0)
-        dues = _find_due(model, avatars, present, due, fresh and k == 0)
+        dues = _find_due(model, avatars, present, due, still and k == 0, fresh)
         if dues < 0:
             return k, held, -1 - dues
         note_time(timings, clock, 1)
@@ -59,12 +59,12 @@ def run_frames(model, avatars, world, now, count, fresh, scratch, record, strike
 
 
 @kernel(inline=True)
-def _find_due(model, avatars, present, due, fresh):
-    """Move avatars by one frame and list those whose action has ended; where they are ``fresh``, only list all."""
-    if fresh:
-        for i in range(present):
-            due[i] = i
-        return present
+def _find_due(model, avatars, present, due, still, fresh):
+    """Move avatars by one frame and list those whose action has ended; where all stand ``still``, list ``fresh``."""
+    if still:
+        for i in range(fresh.shape[0]):
+            due[i] = fresh[i]
+        return fresh.shape[0]
     return advance(model, avatars, 0, present, due, True)
 
 
