@@ -141,6 +141,9 @@ def measure(quick: bool) -> dict[str, Any]:
             document = json.loads(done.stdout.splitlines()[-1])
             rows += document["compiled"]
             for one in document["called"]:
+                # The duels that end training are of one type of table, and wait for their kernels themselves.
+                if use == "training" and one["module"].startswith("crowdsim.crowd."):
+                    continue
                 key = json.dumps(one)
                 found.setdefault(key, Listed(uses=[], **one))
                 if use not in found[key].uses:

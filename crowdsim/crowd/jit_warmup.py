@@ -26,7 +26,7 @@ def warm_up(crowd: Crowd, search: str = "auto", profiled: bool = False) -> Model
         search: How nearest opponents are found.
         profiled: Whether the time of every stage is taken.
     """
-    few = replace(first_avatars(crowd, _FEW), changes=(), until=None)
+    few = replace(first_avatars(crowd, _FEW), changes=(), until=None, pre_roll=0)
     searches = [search]
     if search == "auto":
         # One frame is run stage by stage where some enter later, and all frames where there are many.

@@ -108,7 +108,7 @@ class Simulation:
         )
         self._agenda = Agenda(crowd, Progress(crowd, self.avatars, self._world))
         if crowd.pre_roll and self.present:
-            with Simulation(on_guard(crowd), threads, model=self.model) as rolled:
+            with Simulation(on_guard(crowd), threads, search, model=self.model) as rolled:
                 rolled.avatars.fight["rested"] = np.inf  # strikes cost everyone as much as after a burst
                 rolled.run(crowd.pre_roll)
             self._fresh = take_over(self.avatars, rolled.avatars, self.present)

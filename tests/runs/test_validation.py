@@ -23,8 +23,8 @@ def found(capsys, *arguments: str) -> list[str]:
         ({"bvh": {"frames": [0, 161]}}, "outputs.bvh.frames: is [0, 161], but the run has frames 0 to 159 at 60 fps"),
         ({"ply": {"fps": 30, "frames": "3s:4s"}},
          "outputs.ply.frames: is [90, 120], but the run has frames 0 to 79 at 30 fps"),
-        ({"render": {"frames": [80, 81]}},
-         "outputs.render.frames: is [80, 81], but the run has frames 0 to 79 at 30 fps"),
+        ({"render": {"frames": [160, 161]}},
+         "outputs.render.frames: is [160, 161], but the run has frames 0 to 159 at 60 fps"),
     ],
 )  # fmt: skip
 def test_output_frames_beyond_the_end_are_found_before_a_run_begins(workplace: Path, capsys, outputs, finding) -> None:
