@@ -24,7 +24,7 @@ from crowdsim.crowd.kernels.terms.guard import DROPPED
 from crowdsim.crowd.kernels.terms.guard import NEAR as GUARDED
 from crowdsim.crowd.kernels.terms.stance import ASTRAY
 from crowdsim.crowd.kernels.terms.stillness import BESIDE, CALM, FACING
-from crowdsim.crowd.kernels.terms.strikes import AIM, AWAY, BOLDNESS, NEAR, REST, SET_UP
+from crowdsim.crowd.kernels.terms.strikes import AIM, AIMED, AWAY, BOLDNESS, NEAR, REST, SET_UP
 from crowdsim.crowd.kernels.vetoes.crossed_legs import CROSSED
 from crowdsim.crowd.kernels.vetoes.same_strike import TOGETHER, TWICE
 from crowdsim.crowd.kernels.vetoes.strike_at_air import AIR
@@ -410,14 +410,15 @@ def meeting(one, mine, places):
 def aim(one, choices, mine, places, crowd):
     """What actions are worth that will land on a scripted target, or after which another one can."""
     actions, found = one.policy.actions, np.zeros(len(choices))
+    near = math.hypot(places[0][0] - mine[0], places[0][2] - mine[1]) <= AIMED * one.scale
     for k, action in enumerate(choices):
         if actions.strike_offsets[action] < actions.strike_offsets[action + 1]:
-            found[k] = AIM if hits_ball(one, action, mine, 0, places) else -crowd.crowding.wasted
+            found[k] = AIM if near and hits_ball(one, action, mine, 0, places) else -crowd.crowding.wasted
             continue
         length, state = int(actions.lengths[action]), int(actions.next[action])
         then = ground.compose(mine, one.displacement(action, length))
         following = range(actions.offsets[state], actions.offsets[state + 1])
-        found[k] = SET_UP * AIM * any(hits_ball(one, after, then, length, places) for after in following)
+        found[k] = SET_UP * AIM * near * any(hits_ball(one, after, then, length, places) for after in following)
     return found
 
 

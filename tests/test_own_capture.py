@@ -123,7 +123,7 @@ def test_training_ends_with_a_summary_whose_json_says_the_same(inside, capsys):
         "  reach       heads {:.2f} to {:.2f} m away; fists ".format(*reach["distance"]),
         f"  speed       follows a target at up to {summary['sustained_speed']:.1f} m/s",
         f"  fight       lands a strike within 6 s in {summary['success']['fight']['share']:.0%} of trials",
-        "  duel        with itself, of a minute, mean of several",
+        "  duel        five one-minute duels with itself, mean",
         f"    turned away     {percent(summary['duel']['turned_away_share'])} of the time",
         "  weaknesses  ",
         "    little motion: 8 s, which soon repeats itself: add clips",

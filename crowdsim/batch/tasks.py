@@ -24,6 +24,7 @@ from crowdsim.runs.lock import find_owner, hold_folder
 from crowdsim.runs.opening import read_arena
 from crowdsim.runs.provenance import document_difference
 from crowdsim.runs.stage import complete_alone, write_pictures
+from crowdsim.scenario.cameras import camera_name
 from crowdsim.scenario.outputs import Outputs
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.store import open_take
@@ -161,9 +162,10 @@ def _join(job: Job, progress: Callable[[str, int, int], None]) -> None:
     from crowdsim.render.batch import Place, adopt_frames, render
 
     source, options = _source(job)
-    width, height = options.size
+    assert job.run.outputs.render is not None
+    camera, (width, height) = camera_name(job.run.outputs.render.camera), options.size
     drawn = {
-        "size": f"{width}x{height}", "fps": options.fps, "frames": options.frames, "camera": str(options.camera),
+        "size": f"{width}x{height}", "fps": options.fps, "frames": options.frames, "camera": camera,
         **asdict(options.look),
     }  # fmt: skip
 

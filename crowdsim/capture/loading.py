@@ -168,7 +168,7 @@ def _interpret(
     elif rate is not None:
         choices[RATE] = rate
     reading = Reading(bvh if not isinstance(rate, float) else replace(bvh, fps=rate), scale, axis)
-    # A rate that somebody gives is not doubted.
+    # A frame rate that the user gives is taken as it is.
     reading, diagnoses = _without_faults(reading, choices, RATE if isinstance(rate, float) else "")
     roles, clip, body = reading.roles, reading.clip, reading.body
     if not roles:

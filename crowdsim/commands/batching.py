@@ -314,6 +314,6 @@ def _print_outcome(outcome: Outcome) -> None:
     for cause, count in causes.most_common():
         print(f"  failed    {count:,}: {KINDS.get(cause, cause)}")
     for failure in list(outcome.failures.values())[:10]:
-        print(f"  to repeat {failure['command']}")
+        print(f"  to repeat {failure['command'] or 'the same batch'}")
     print(f"  report    {outcome.folder / REPORT / INDEX}, {SUMMARY}")
     print(f"  seconds   {', '.join(f'{stage} {value:.1f}' for stage, value in seconds.items())}")

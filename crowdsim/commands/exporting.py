@@ -51,8 +51,8 @@ def export(
         size = sum(path.stat().st_size for path in files)
         count = sum(path.name != AVATARS for path in files)
         what = f"{count:,} file{'s' if count > 1 else ''} and {AVATARS}, {size_text(size)}"
-        nobody = f"only {AVATARS}, since none of these avatars is there in these frames"
-        say(f"{target / kind}: {what if count else nobody}")
+        empty = f"{AVATARS} only: none of these avatars is present in these frames"
+        say(f"{target / kind}: {what if count else empty}")
 
 
 def with_outputs(command: Callable[..., None]) -> Callable[..., None]:

@@ -27,7 +27,7 @@ def policy_lines(figures: Figures) -> list[str]:
     for name, behaviour in figures["behaviours"].items():
         lines += section(f"Behaviour {name}", _behaviour(behaviour))
     if figures.get("duel"):
-        lines += section("A minute's duel with itself, mean of several", duel_text(figures["duel"]))
+        lines += section("Five one-minute duels with itself, mean", duel_text(figures["duel"]))
     return lines + section("Training", _training(figures["timings"]))
 
 

@@ -152,7 +152,7 @@ def _print_summary(summary: dict[str, Any]) -> None:
     for name, success in summary["success"].items():
         print(f"  {name:<10}  {_success_text(success)}")
     if summary["duel"] is not None:
-        print("  duel        with itself, of a minute, mean of several")
+        print("  duel        five one-minute duels with itself, mean")
         for row, text in duel_text(summary["duel"]):
             print(f"    {row:<16}{text}")
     weaknesses = summary["weaknesses"]

@@ -98,7 +98,7 @@ class Cast:
         return int(avatar)
 
     def members(self, name: int | str) -> Array:
-        """Return the numbers of the avatars that a number or name means: an avatar, a group, a type or a team.
+        """Return the numbers of the avatars that a number or name means: an avatar, a group, a team or a type.
 
         Raises:
             TakeError: There is none of these; the message names near ones.
@@ -107,7 +107,7 @@ class Cast:
             of_group = np.char.rpartition(np.asarray(self.names, str), "_")[:, 0] == name
             if of_group.any():
                 return np.flatnonzero(of_group)
-            for known, each in ((self.type_names, self.types), (self.team_names, self.teams)):
+            for known, each in ((self.team_names, self.teams), (self.type_names, self.types)):
                 if name in known:
                     return np.flatnonzero(np.asarray(each) == known.index(name))
         return np.array([self.number(name)])

@@ -1,4 +1,4 @@
-"""Where avatars enter that an event adds: where they are placed, or near it where another avatar is there."""
+"""Where avatars enter that an event adds: at their placement, or near it where another avatar stands there."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ class Arrival(NamedTuple):
 def find_entries(crowd: Crowd, avatars: Avatars, present: int, numbers: Array) -> Array:
     """Return where avatars enter that are not there; the same for any order of storage.
 
-    One that is placed where nobody is enters there, beside those of its own group as they are placed. The others
-    take, in the order of their numbers, the nearest free position within ``REACH`` and the arena that is left.
+    An avatar whose placement is free enters there; members of one group keep the distances of their placements. Each of
+    the others takes, in the order of their numbers, the nearest free position within ``REACH`` and inside the arena.
 
     Args:
         crowd: The crowd.
@@ -103,16 +103,27 @@ def describe_arrivals(
     late = [one for one in arrivals if one.entered > one.asked]
     parts = []
     if moved:
-        parts.append(f"{len(moved):,} entered beside it, {max(one.distance for one in moved):.2f} m away at the most")
+        farthest = max(one.distance for one in moved)
+        parts.append(f"{_some(len(moved), count)}entered {_up_to(len(moved))}{farthest:.2f} m from its placement")
     if late:
         longest = max(one.entered - one.asked for one in late) / rate
-        parts.append(f"{len(late):,} waited for room, {longest:.1f} s at the most")
+        parts.append(f"{_some(len(late), count)}waited for room for {_up_to(len(late))}{longest:.1f} s")
     if waiting:
         longest = (frame - min(waiting.values())) / rate
-        parts.append(f"{len(waiting):,} found none in {longest:.1f} s and never entered")
+        parts.append(f"{_some(len(waiting), count)}found no room in {longest:.1f} s and never entered")
     first = names[min([*(one.avatar for one in arrivals), *waiting])]
     who = f"avatar {first} was" if count == 1 else f"{count:,} avatars, {first} the first of them, were"
-    return f"{who} added where another avatar is: {', '.join(parts)}"
+    return f"{who} added where another avatar stood: {'it ' if count == 1 else ''}{', '.join(parts)}"
+
+
+def _up_to(number: int) -> str:
+    """Return how a figure begins that is the largest of several."""
+    return "up to " if number > 1 else ""
+
+
+def _some(number: int, count: int) -> str:
+    """Return how many of several a part of a sentence is about; nothing where there is one."""
+    return f"{number:,} " if count > 1 else ""
 
 
 def _are_free(places: Array, own: Array, points: Array, others: Array) -> Array:

@@ -120,7 +120,12 @@ def _place(scenario: Scenario, index: int, start: int, stop: int, x: Array, z: A
 def _throw(scenario: Scenario, index: int, placement: DiscPlacement, start: int, stop: int, x: Array, z: Array) -> None:
     least, count = placement.distance, stop - start
     squares = _squares(least, stop, x, z)
-    insert_points(squares, 0, start)
+    first = 0
+    for group in scenario.groups[:index]:
+        # Groups that wait find their way among others when they are added (``entering``).
+        if not group.waits and not scenario.groups[index].waits:
+            insert_points(squares, first, first + group.count)
+        first += group.count
     seeds = stream(scenario.seed, Purpose.PLACE)
     disc = Disc(float(placement.centre[0]), float(placement.centre[1]), float(placement.radius))
     reached = throw_darts(seeds, start, stop, disc, _DARTS, squares)

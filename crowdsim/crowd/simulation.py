@@ -252,7 +252,7 @@ class Simulation:
 
     @property
     def _is_rolled_in(self) -> bool:
-        """Whether the next frame is that in which a pre-roll has ended, so that nobody moves before it is recorded."""
+        """Whether the next frame is the first one after a pre-roll, which is recorded before any avatar moves."""
         return self.frame == 0 and self.crowd.pre_roll > 0
 
     def _note_search(self, search: str) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import BY_SLOT, Avatars
+from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.entering import Arrival
 from crowdsim.crowd.outcome import Outcome
 from crowdsim.crowd.state_checks import Changing, check_values
@@ -101,12 +102,31 @@ def write_state(simulation: Changing, state: Mapping[str, Array]) -> None:
     ]
     simulation._agenda.progress.landed[...] = state["agenda.landed"]
     simulation._agenda.progress.landed_on[...] = state["agenda.landed_on"]
-    until, ended = simulation.crowd.until, int(state["outcome.frame"])
-    simulation.outcome = None if until is None or ended < 0 else Outcome(until.kind, ended, state["outcome.standing"])
+    simulation.outcome = read_outcome(state, simulation.crowd)
     simulation.frame = int(state["frame"])
     simulation._changed_at = simulation.frame if state["changed"] else -1
     simulation.searches = [str(search) for search in state["searches"]]
     simulation._index.reset()
+
+
+def read_outcome(state: Mapping[str, Array], crowd: Crowd) -> Outcome | None:
+    """Return how a run of a crowd has ended by a state that ``read_state`` returned; None where it has not.
+
+    Raises:
+        ValueError: The state does not say so, or names avatars that the crowd does not have.
+    """
+    if crowd.until is None:
+        return None
+    try:
+        frame, standing = int(state["outcome.frame"]), state["outcome.standing"]
+        is_sound = (
+            standing.dtype.kind == "i" and standing.ndim == 1 and set(standing.tolist()) <= set(range(crowd.count))
+        )
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"the outcome cannot be read: {error}") from None
+    if not is_sound:
+        raise ValueError("the outcome names avatars that are not there")
+    return None if frame < 0 else Outcome(crowd.until.kind, frame, standing)
 
 
 def _arrays(avatars: Avatars) -> dict[str, Array]:

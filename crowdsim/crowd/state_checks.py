@@ -96,13 +96,14 @@ def _check_integers(simulation: Changing, state: Mapping[str, Array]) -> None:
     _refuse("avatars.playback.action_before", before, inside)
 
 
+_BOUNDED = tuple(f"avatars.{name}" for name in ("x", "z", "heading", "motion.", "playback.", "slides.", "fight."))
+"""What holds lengths, angles and times, which have bounds."""
+
+
 def _check_numbers(simulation: Changing, state: Mapping[str, Array]) -> None:
     model = simulation.model
     for name, values in state.items():
-        if (
-            name.startswith(("avatars.x", "avatars.z", "avatars.motion.", "avatars.fight."))
-            and values.dtype.kind == "f"
-        ):
+        if name.startswith(_BOUNDED) and values.dtype.kind == "f":
             never = np.isneginf(values) if name == "avatars.fight.hit_frame" else np.zeros(values.shape, bool)
             _refuse(name, values, (np.abs(values) <= FAR) | never)
     action, before = state["avatars.motion.action"], state["avatars.playback.action_before"]

@@ -16,7 +16,7 @@ from crowdsim.scenario.cameras import Chosen, Shots
 from crowdsim.scenario.frame_ranges import output_frames
 from crowdsim.scenario.looks import MOST_BLUR, Background, Light, Marks
 from crowdsim.scenario.output import Extent, Ranged, Series
-from crowdsim.scenario.rates import PictureRate
+from crowdsim.scenario.rates import PictureRate, rate_text
 
 if TYPE_CHECKING:
     from crowdsim.export.posed import FinishedTake
@@ -161,7 +161,9 @@ class RenderOutput(Ranged):
         return files
 
     def command(self, run: str) -> list[str]:
-        """Return the words of the command that draws them from a finished run."""
+        """Return the words of the command that draws them from a finished run; none if it cannot name the cameras."""
+        if self.shots or not isinstance(self.camera, str):
+            return []
         words = [
             "crowdsim",
             "render",
@@ -169,14 +171,11 @@ class RenderOutput(Ranged):
             "--size",
             f"{self.size[0]}x{self.size[1]}",
             "--fps",
-            f"{self.rate:g}",
+            rate_text(self.rate),
         ]
         words += ["--png"] * self.png + ["--mp4"] * self.mp4
         words += ["--contact-sheet", str(self.contact_sheet)] if self.contact_sheet else []
-        if self.shots:
-            words += ["--shots", f"{run}/scenario.resolved.yaml"]
-        elif isinstance(self.camera, str):
-            words += ["--camera", self.camera]
+        words += ["--camera", self.camera]
         for name in ("marks", "background", "light"):
             words += (
                 [f"--{name}", getattr(self, name)]

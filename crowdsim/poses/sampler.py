@@ -173,7 +173,7 @@ class PoseSampler:
             avatars: Numbers or names of the avatars, in the order of their numbers; all when None.
             without: Names of layers that are left out, see ``unseen_layers``.
         """
-        numbers = self.take.cast.numbers(avatars)
+        numbers = np.unique(self.take.cast.numbers(avatars))
         times = np.arange(start, stop) / fps
         self.expect(times)
         if without not in self._posers:
@@ -187,7 +187,7 @@ class PoseSampler:
 
         It is what poses are held against: at transitions it jumps.
         """
-        numbers = self.take.cast.numbers(avatars)
+        numbers = np.unique(self.take.cast.numbers(avatars))
         times = np.arange(start, stop) / fps
         return self._gathered(numbers, times, self.poser.captured(numbers, times))
 

@@ -129,6 +129,8 @@ def kernel_uses(scenario: Scenario, untrained: Sequence[str] = ()) -> list[str]:
     size = "few" if scenario.avatar_count <= SMALL else "many"
     needed = {
         "training": bool(untrained),
+        # Training ends with duels.
+        **({f"few {table_type_of(untrained)}": True} if untrained else {}),
         f"{size} {table_type_of(policy_names(scenario))}": True,
         **{output.kernels: True for output in scenario.outputs.wanted() if output.kernels},
     }

@@ -30,6 +30,9 @@ from crowdsim.runs.runner import bundle_folders, plan_run, write_run
 from crowdsim.runs.stage import TAKE, complete, complete_alone
 from crowdsim.scenario.scenario import Scenario, dump_scenario
 
+_SIMULATED = {"control", "take", "statistics", "checkpoints"}
+"""Stages that are not done again where only outputs differ."""
+
 
 def extend_run(
     folder: FileName,
@@ -124,7 +127,8 @@ def rewrite_outputs(
         notify: Called with what a user should know beforehand.
 
     Returns:
-        What was done; None where the folder holds no such run, or its outputs are those already.
+        What was done; None where the folder holds no such run, its outputs are those already, or they hold a profile
+        that was not measured.
 
     Raises:
         OutputError: The run was made by other policies or versions, or another process holds the folder.
@@ -152,8 +156,14 @@ def rewrite_outputs(
         if difference:
             raise other_run(folder, "the same run, but its outputs cannot follow, since something changed", difference)
         begun, now = _end_of(folder, origin), replace(origin, scenario=dump_scenario(scenario))
-        one.report.outcome = manifest.get("outcome")
-        one.tell(f"{folder}: only outputs differ; writing them from the take that is there")
+        if scenario.outputs.profile is not None and begun.timings is None:
+            return None
+        one.report.seconds.update(
+            {stage: manifest["seconds"][stage] for stage in _SIMULATED & set(manifest["seconds"])}
+        )
+        one.tell(
+            f"{folder}: only outputs differ; writing them from its take, in place of all outputs and exports there"
+        )
 
         def seed(stage: Path) -> None:
             _copy_take(folder, stage, TAKE)
@@ -224,7 +234,7 @@ def _end_of(folder: Path, origin: Origin) -> Checkpoint:
     try:
         begun = read_checkpoint(folder)
     except TakeError as error:
-        raise OutputError(f"{folder}: cannot be extended: {error}") from None
+        raise OutputError(f"the run cannot be continued: {error}") from None
     if begun.origin != origin.checksum:
-        raise OutputError(f"{folder}: cannot be extended: {folder / CHECKPOINT} is of another run")
+        raise OutputError(f"the run cannot be continued: {folder / CHECKPOINT} is of another run")
     return begun

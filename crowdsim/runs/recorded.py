@@ -16,7 +16,7 @@ from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.core.workers import CORES
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.scenario.camera import Camera
-from crowdsim.scenario.cameras import Chosen
+from crowdsim.scenario.cameras import Chosen, camera_name
 from crowdsim.scenario.frame_ranges import parse_frames
 from crowdsim.scenario.output import FPS
 from crowdsim.scenario.rates import parse_rate
@@ -95,7 +95,7 @@ class RecordedRun(Take):
         chosen = avatars if isinstance(avatars, str) else None
         if chosen is None and avatars is not None:
             chosen = ",".join(map(str, np.unique(self.cast.numbers(avatars))))
-        outputs = choose_outputs(self, wanted, fps or self.fps, _range_text(frames), chosen, **keys)
+        outputs = choose_outputs(self, wanted, self.fps if fps is None else fps, _range_text(frames), chosen, **keys)
         folder = self._place(out)
         written = export_take(self.folder or folder, self, self.policies, outputs, folder, threads, progress, force)
         return [path for files in written.values() for path in files]
@@ -170,7 +170,7 @@ class RecordedRun(Take):
             jobs=jobs,
         )
         options.check()
-        name = camera if isinstance(camera, str) or camera is None else camera.kind
+        name = None if camera is None else camera_name(camera)
         drawn = {"size": said, "fps": rate, "frames": given, "camera": name, **asdict(options.look)}
 
         @contextmanager

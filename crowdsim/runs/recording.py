@@ -18,6 +18,7 @@ from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.ending import describe_outcome
 from crowdsim.crowd.jit_warmup import warm_up
 from crowdsim.crowd.simulation import Simulation
+from crowdsim.crowd.state import read_outcome
 from crowdsim.errors import OutputError, RunError, TakeError
 from crowdsim.files import is_folder, remove_tree
 from crowdsim.poses.known_actions import action_counts, with_known_actions
@@ -199,6 +200,8 @@ def write_take(
                         counter.add_frames(
                             {name: getattr(take, name)[first : first + writer.chunk] for name in VARIABLES}
                         )
+                    ended = read_outcome(begun.simulation, crowd)
+                    run.report.outcome = None if ended is None else describe_outcome(run.scenario, ended)
                     run.report.continued_at = begun.frame
                     return take, begun.timings
             check_begun(begun, path, crowd.count)
@@ -208,7 +211,7 @@ def write_take(
             for rows in written_frames(writer, path, counts):
                 counter.add_frames(rows)
             run.report.continued_at = begun.frame
-        except TakeError as error:
+        except (TakeError, ValueError) as error:
             run.tell(f"{error}; starting over")
             begun = None
             writer = TakeWriter(path, header, crowd.frames, chunk)

@@ -97,6 +97,11 @@ def chosen_cameras(chosen: Chosen, cameras: Mapping[str, Camera] | None = None) 
     return parse_camera(chosen, KINDS, cameras) if isinstance(chosen, str) else (chosen,)
 
 
+def camera_name(chosen: Chosen) -> str:
+    """Return what lists of outputs call a camera: the text by which it was chosen, or its kind."""
+    return chosen if isinstance(chosen, str) else chosen.kind
+
+
 def check_avatars(camera: Camera, names: Sequence[str]) -> Iterator[Finding]:
     """Yield a finding for each avatar that a camera names and that there is not."""
     for loc, avatar in camera.avatars_named():

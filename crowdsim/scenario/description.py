@@ -201,19 +201,19 @@ class Description(StrictModel):
         ]
 
     def members(self, name: str) -> list[int] | None:
-        """Return the numbers of the avatar, or of the avatars of the group or team, of a name; None for other names."""
-        first, found = 0, False
-        numbers: list[int] = []
+        """Return the numbers of the avatars that a name of an avatar, group or team means; None for other names."""
+        prefix, _, number = name.rpartition("_")
+        first = 0
+        of_group: list[int] = []
+        of_team: list[int] = []
         for i, group in enumerate(self.groups):
             own = group.name or f"group{i + 1}"
-            prefix, _, number = name.rpartition("_")
             if prefix == own and number.isdecimal() and int(number) < group.count:
                 return [first + int(number)]
-            if name in (own, group.team):
-                found = True
-                numbers += range(first, first + group.count)
+            of_group += range(first, first + group.count) if name == own else ()
+            of_team += range(first, first + group.count) if name == group.team else ()
             first += group.count
-        return numbers if found else None
+        return of_group or of_team or None
 
     def avatar_name(self, avatar: int) -> str:
         """Return the name of an avatar, its group's and a number that grows from 0: ``red_07``."""

@@ -38,12 +38,13 @@ def parse_rate(value: str | float | Fraction) -> float:
     Raises:
         CrowdsimError: It is no number or fraction from 1 to 1000.
     """
+    what = "a number from 1 to 1000, or a fraction with a denominator of 1 to 1001, such as 24000/1001"
     try:
-        rate = float(read_rate(value))
+        rate = 0.0 if isinstance(value, bool) else float(read_rate(value))
     except (TypeError, ValueError):
         rate = 0.0
     if not 1.0 <= rate <= 1000.0:
-        raise CrowdsimError(f"fps is {value}, expected a number from 1 to 1000, or a fraction such as 24000/1001")
+        raise CrowdsimError(f"fps is {value}, expected {what}")
     return rate
 
 

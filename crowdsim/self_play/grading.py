@@ -18,7 +18,7 @@ from crowdsim.crowd.simulate import simulate
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.policy.policy import Policy
 from crowdsim.scenario.scenario import load_scenario
-from crowdsim.take.measures import FightCounter, opponent_offsets
+from crowdsim.take.measures import AFTER, FightCounter, opponent_offsets
 
 SECONDS, SEEDS = 60, range(1, 6)
 """Length of a duel [s], and the seeds of those that are fought: one alone says little."""
@@ -26,22 +26,20 @@ GRADED = "graded"
 """What the scene calls the policy, whose own name may be none that scenarios can have."""
 STILL = 0.05
 """An avatar stands still in frames in which none of its joints is faster than this [m/s]."""
-FIRST = 10.0
-"""Time that the two are given to come together; where they are is measured from then on, as in runs [s]."""
 
 
 @dataclass(frozen=True)
-class Duels:
-    """What came of some duels.
+class Duel:
+    """Figures of one duel, or their means over several.
 
     Attributes:
-        seconds: How long each was [s].
-        thrown: Strikes thrown in a duel by both together, in the mean.
+        seconds: How long it was [s].
+        thrown: Strikes thrown by both together.
         landed: Those of them that landed.
-        longest_wait: Longest time in which neither threw a strike, in any of the duels [s].
+        longest_wait: Longest time in which neither threw a strike; of several duels the longest of all [s].
         turned_away_share: Share of the time in which an avatar has its opponent more than 90 degrees off its heading.
         still_share: Share of the time in which none of its joints is faster than ``STILL``.
-        distance: Distance of the two over the ground, the median of each duel, in the mean [m].
+        distance: Median distance of the two over the ground [m].
         waiting_distance: Median distance in the longest wait [m].
         waiting_actions: Number of different actions in the longest wait of the one that has fewer.
     """
@@ -58,7 +56,7 @@ class Duels:
 
 
 def grade_policy(policy: Policy, progress: Progress | None = None) -> dict[str, Any]:
-    """Return the figures of duels of a policy with itself in the shipped scene (``Duels``), plain data.
+    """Return the figures of duels of a policy with itself in the shipped scene (``Duel``), plain data.
 
     Args:
         policy: The policy.
@@ -69,18 +67,18 @@ def grade_policy(policy: Policy, progress: Progress | None = None) -> dict[str, 
         duels.append(_fight(policy, seed, speeds))
         if progress is not None:
             progress("duel", len(duels), len(SEEDS))
-    means = {field.name: float(np.mean([getattr(duel, field.name) for duel in duels])) for field in fields(Duels)}
+    means = {field.name: float(np.mean([getattr(duel, field.name) for duel in duels])) for field in fields(Duel)}
     worst = max(duels, key=lambda duel: duel.longest_wait)
     waits = {name: getattr(worst, name) for name in ("longest_wait", "waiting_distance", "waiting_actions")}
     return means | waits
 
 
-def _fight(policy: Policy, seed: int, speeds: Array) -> Duels:
+def _fight(policy: Policy, seed: int, speeds: Array) -> Duel:
     """Return what comes of one duel; ``speeds`` is what ``joint_speeds`` returns of the policy."""
     settings = [f"types.boxer.policy={GRADED}", f"duration={SECONDS}s"]
     scene = load_scenario(assets.shipped("scenarios", "duel.yaml"), settings, seed, policies=[GRADED])
     crowd = draw_crowd(scene, [replace(policy, name=GRADED)])
-    counter, chunks = FightCounter(crowd.cast.widths, crowd.rate, crowd.frames, FIRST), []
+    counter, chunks = FightCounter(crowd.cast.widths, crowd.rate, crowd.frames), []
     for chunk in simulate(crowd, crowd.frames):
         counter.add(chunk)
         chunks.append(chunk)
@@ -91,8 +89,8 @@ def _fight(policy: Policy, seed: int, speeds: Array) -> Duels:
     begin, end = longest_wait(struck, len(action))
     waiting = slice(int(begin), int(end) + 1)
     frames = np.asarray(policy.graph.action_first, np.int64)[action] - 1 + shown.astype(np.int64)
-    still = speeds[frames[round(FIRST * crowd.rate) :]] < STILL
-    return Duels(
+    still = speeds[frames[round(AFTER * crowd.rate) :]] < STILL
+    return Duel(
         seconds=len(action) / crowd.rate,
         thrown=len(struck),
         landed=int(sum(chunk.events.landed.sum() for chunk in chunks)),

@@ -161,7 +161,7 @@ def recipe_text(survey: Survey, behaviours: Sequence[str], place: Path) -> str:
     if "fight" not in chosen:
         settings = re.sub(r"\nweights:\n  fight: 1", "", settings)
     kicks = sum(survey.strikes[limb] for limb in FEET)
-    if survey.seconds < SCARCE or kicks > KICKERS * sum(survey.strikes):
+    if "fight" in chosen and (survey.seconds < SCARCE or kicks > KICKERS * sum(survey.strikes)):
         settings, blocks["fight"] = _eager(settings, blocks["fight"])
     learned = [_fitted(blocks[name], fit.counts.get(name, {}), struck) for name in chosen]
     return _head(survey, mirror, place) + settings + "behaviours:\n" + "".join(learned)

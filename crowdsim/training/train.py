@@ -59,7 +59,7 @@ def train_recipe(
         force: Train even when the bundle is up to date.
         progress: Called with (stage, done, total).
         spar: Learns the behaviour ``defend``, for recipes that ask for it (``self_play``).
-        grade: Lets the policy fight itself when it is trained (``self_play``); without it nothing is known of that.
+        grade: Lets the policy fight itself when it is trained (``self_play``); without it the bundle reports no duel.
 
     Raises:
         RecipeError: The recipe is invalid.

@@ -170,7 +170,12 @@ def _of_duels(statistics: Mapping[str, Any]) -> Iterator[Weakness]:
 def _cause_of_waiting(statistics: Mapping[str, Any], duel: Mapping[str, Any]) -> tuple[str, str]:
     """Return why avatars of a policy do not strike in a duel, and what would help."""
     strikes, apart, speed = statistics.get("strikes"), duel["waiting_distance"], statistics["sustained_speed"]
-    if strikes is not None and apart > strikes["striking_range"][1] + OUT_OF_REACH:
+    if strikes is None:
+        return (
+            "its motion has no strikes, and standing is worth as much as moving",
+            "add clips of steps, turns and strikes",
+        )
+    if apart > strikes["striking_range"][1] + OUT_OF_REACH:
         near, far = strikes["striking_range"]
         what = f"the two are {apart:.1f} m apart, and strikes reach {near:.1f} to {far:.1f} m"
         if speed < STEPS:
@@ -180,7 +185,8 @@ def _cause_of_waiting(statistics: Mapping[str, Any], duel: Mapping[str, Any]) ->
             )
         return what, "add clips of steps that end in the stance of the strikes"
     if duel["waiting_actions"] <= FEW_ACTIONS:
-        what = f"it repeats {duel['waiting_actions']} actions, out of which no way leads that is worth as much"
+        repeated = int(duel["waiting_actions"])
+        what = f"it repeats {'one action' if repeated == 1 else f'{repeated} actions'}; every way out is worth less"
         return what, "add clips that begin and end in that stance, or raise graph.threshold"
     what = f"the two are {apart:.1f} m apart, where keeping the distance is worth more than striking"
     return what, "raise the weight of strikes in the behaviour, or add clips of steps that lead up to strikes"

@@ -130,8 +130,8 @@ def test_an_avatar_waits_until_there_is_room_and_says_so(search: str) -> None:
     assert (arrival.avatar, arrival.asked, arrival.entered) == (0, 7, entered)
     place = np.array([chunk.x[entered, 0], chunk.z[entered, 0]]) - [one.x[0], one.z[0]]
     assert np.linalg.norm(place) == pytest.approx(arrival.distance, abs=1e-5)
-    assert whole.arrivals_text().startswith("avatar 0 was added where another avatar is: ")
-    assert f"1 waited for room, {(entered - 7) / one.rate:.1f} s at the most" in whole.arrivals_text()
+    assert whole.arrivals_text().startswith("avatar 0 was added where another avatar stood: ")
+    assert f"it waited for room for {(entered - 7) / one.rate:.1f} s" in whole.arrivals_text()
     steps = Simulation(one, 1, search)
     assert bytes_of([steps.run(count) for count in (3, 5, 9, 1, 22)]) == bytes_of([chunk])
     for stop in (8, 11, 30):
@@ -170,12 +170,12 @@ def test_what_became_of_those_who_were_added_is_said_in_a_sentence() -> None:
     names = np.array(["a_0", "a_1", "a_2", "a_3"])
     assert describe_arrivals([], {}, 60, 15.0, names) == ""
     assert describe_arrivals([Arrival(1, 20, 20, 0.5)], {}, 60, 15.0, names) == (
-        "avatar a_1 was added where another avatar is: 1 entered beside it, 0.50 m away at the most"
+        "avatar a_1 was added where another avatar stood: it entered 0.50 m from its placement"
     )
     text = describe_arrivals([Arrival(3, 20, 20, 0.25), Arrival(1, 20, 35, 0.75)], {2: 30}, 60, 15.0, names)
     assert text == (
-        "3 avatars, a_1 the first of them, were added where another avatar is: 2 entered beside it, 0.75 m away at the "
-        "most, 1 waited for room, 1.0 s at the most, 1 found none in 2.0 s and never entered"
+        "3 avatars, a_1 the first of them, were added where another avatar stood: 2 entered up to 0.75 m from its "
+        "placement, 1 waited for room for 1.0 s, 1 found no room in 2.0 s and never entered"
     )
 
 
@@ -185,7 +185,7 @@ def test_a_run_says_that_an_avatar_entered_beside_its_placement(workplace: Path,
     events = [{"kind": "add", "group": "late", "when": {"kind": "frame", "frame": 0}}]
     write_scene(workplace / "four.yaml", groups=[*scene()["groups"], late], events=events)
     assert crowdsim("run", "four.yaml", "--out", "run") == 0
-    what = "avatar late_0 was added where another avatar is: 1 entered beside it, 0.50 m away at the most"
+    what = "avatar late_0 was added where another avatar stood: it entered 0.50 m from its placement"
     assert what in capsys.readouterr().err
     late["placement"] = {"kind": "points", "points": [[0, 5], [0, 5.05]]}
     late["count"] = 2

@@ -323,3 +323,15 @@ def test_groups_teams_and_waiting_avatars_keep_their_order():
     np.testing.assert_array_equal(teams_of_avatars(scenario), [0, 0, 1, 1, 0, 0])
     assert [group.name for group in scenario.groups] == ["g0", "g1", "g2"]
     assert scenario.teams == ("x", "y")
+
+
+def test_a_disc_that_waits_finds_its_way_among_others_and_blocks_none_of_them():
+    events = [{"kind": "add", "group": "g1", "when": {"kind": "frame", "frame": 3}}]
+    here = {"count": 3, "placement": disc(1.5)}
+    scenario = scenario_of(here, {**here, "waits": True}, events=events)
+    x, z, _ = place_groups(scenario)
+    alone = placed(here)
+    np.testing.assert_array_equal(x[:3], alone.x)
+    assert np.hypot(x[3:], z[3:]).max() <= 1.5
+    after = scenario_of({**here, "waits": True}, here, events=[{**events[0], "group": "g0"}])
+    assert len(place_groups(after)[0]) == 6

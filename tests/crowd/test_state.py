@@ -115,3 +115,13 @@ def test_a_state_of_another_crowd_is_refused(change: dict[str, Any], message: st
     state = {name: value for name, value in {**simulation.state(), **change}.items() if value is not None}
     with pytest.raises(ValueError, match=message.replace("(", r"\(").replace(")", r"\)")):
         simulation.restore(state)
+
+
+@pytest.mark.parametrize("name", ["heading", "playback.base_x", "playback.base_turn", "slides.x", "motion.end_z"])
+@pytest.mark.parametrize("value", [np.nan, 1e300])
+def test_a_state_with_numbers_that_cannot_be_is_refused(name: str, value: float) -> None:
+    simulation = Simulation(replace(crowd(), policies=POLICIES))
+    state = simulation.state()
+    state[f"avatars.{name}"][3] = value
+    with pytest.raises(ValueError, match=name):
+        simulation.restore(state)

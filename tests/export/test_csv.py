@@ -163,7 +163,7 @@ def test_avatars_that_never_come_have_no_file_whatever_is_written_along(workplac
     for kinds in (("--glb",), ("--glb", "--bvh", "--csv")):
         capsys.readouterr()
         assert crowdsim("export", "run", *kinds, "--avatars", "blue_0", "--out", "x", "--force") == 0
-        assert "glb: only avatars.csv, since none of these avatars is there in these frames" in capsys.readouterr().out
+        assert "glb: avatars.csv only: none of these avatars is present in these frames" in capsys.readouterr().out
         assert not list((workplace / "x").rglob("*.glb"))
 
 

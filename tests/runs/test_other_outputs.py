@@ -1,14 +1,18 @@
 """Other outputs of a finished run are written from its take, without simulating again."""
 
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
-from scenes import crowdsim, write_scene
+from scenes import crowdsim, scene, write_scene
 from test_resuming import EVENTS, GROUPS, same_as_undisturbed
 from test_runner import tree
 
 from crowdsim.crowd.simulation import Simulation
+from crowdsim.export import posed
 from crowdsim.runs.manifest import read_manifest
+from crowdsim.runs.opening import open_run
+from crowdsim.scenario.scenario import load_scenario
 
 PICTURES = "outputs.render={mp4: false, contact_sheet: 2, size: [64, 48], camera: top, marks: none}"
 
@@ -28,7 +32,7 @@ def test_other_outputs_of_a_finished_run_are_written_without_simulating(
         patch.setattr(Simulation, "__init__", lambda *_: pytest.fail("simulated"))
         capsys.readouterr()
         assert crowdsim(*other, "--out", "run") == 0
-        assert "only outputs differ; writing them from the take" in capsys.readouterr().err
+        assert "only outputs differ; writing them from its take" in capsys.readouterr().err
         assert tree(workplace / "run" / "take.zarr") == before
         assert (workplace / "run" / "contact_sheet.png").exists()
         assert read_manifest(workplace / "run").get("outcome") == outcome
@@ -36,6 +40,48 @@ def test_other_outputs_of_a_finished_run_are_written_without_simulating(
         assert crowdsim(*other, "--out", "run") == 0
         assert "done already" in capsys.readouterr().out
     same_as_undisturbed(workplace / "run", workplace / "undisturbed")
+
+
+def test_a_run_that_ended_early_has_its_outcome_where_only_outputs_were_left(workplace: Path, monkeypatch) -> None:
+    write_scene(workplace / "four.yaml", outputs={"bvh": {}}, duration=200, until={"landed": 1}, linger=0.5)
+    assert crowdsim("run", "four.yaml", "--out", "whole") == 0
+    with monkeypatch.context() as patch:
+        patch.setattr(posed, "write_posed", Mock(side_effect=OSError(28, "no room", "bvh")))
+        assert crowdsim("run", "four.yaml", "--out", "run") == 1
+    with monkeypatch.context() as patch:
+        patch.setattr(Simulation, "run", lambda *_: pytest.fail("simulated"))
+        assert crowdsim("run", "four.yaml", "--out", "run") == 0
+    expected = read_manifest(workplace / "whole")["outcome"]
+    assert expected["kind"] == "landed"
+    assert read_manifest(workplace / "run")["outcome"] == expected
+    same_as_undisturbed(workplace / "run", workplace / "whole")
+
+
+def test_a_profile_that_was_not_measured_cannot_be_written_later(workplace: Path, capsys) -> None:
+    write_scene(workplace / "four.yaml", duration=10)
+    assert crowdsim("run", "four.yaml", "--out", "run") == 0
+    assert crowdsim("run", "four.yaml", "--out", "run", "--set", "outputs.profile={}") == 2
+    assert "holds another run" in capsys.readouterr().err
+    assert crowdsim("run", "four.yaml", "--out", "run", "--set", "outputs.csv={}") == 0
+    assert {"control", "take"} <= set(read_manifest(workplace / "run")["seconds"])
+
+
+def test_cameras_of_a_scenario_are_not_joined(workplace: Path, capsys) -> None:
+    keys = {"cameras": {"mine": {"kind": "orbit"}}, "outputs": {"render": {"camera": "mine+front"}}}
+    write_scene(workplace / "four.yaml", duration=10, **keys)
+    assert crowdsim("validate", "four.yaml") == 2
+    assert "joins 'mine', a camera of the scenario, expected kinds of cameras on both sides" in capsys.readouterr().err
+
+
+def test_names_mean_the_same_avatars_in_a_scenario_and_in_a_take(workplace: Path) -> None:
+    kinds = scene()["groups"]
+    groups = [{**kinds[0], "team": "blue"}, {**kinds[1], "name": "x", "team": "red"}]
+    write_scene(workplace / "four.yaml", groups=groups, duration=2)
+    assert crowdsim("run", "four.yaml", "--out", "run") == 0
+    scenario, cast = load_scenario(workplace / "four.yaml"), open_run(workplace / "run").cast
+    for name, expected in (("red", [0, 1]), ("x", [2, 3]), ("blue", [0, 1]), ("x_1", [3])):
+        assert scenario.members(name) == cast.members(name).tolist() == expected
+    assert scenario.members("boxer") is None
 
 
 def test_another_seed_is_another_run(workplace: Path, capsys) -> None:

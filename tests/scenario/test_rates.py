@@ -45,7 +45,10 @@ def test_rates_keep_their_exact_value(given: str | float | Fraction, rate: Fract
 def test_what_is_no_rate_is_refused(given: str | float) -> None:
     with pytest.raises(CrowdsimError) as raised:
         parse_rate(given)
-    assert str(raised.value) == f"fps is {given}, expected a number from 1 to 1000, or a fraction such as 24000/1001"
+    assert str(raised.value) == (
+        f"fps is {given}, expected a number from 1 to 1000, or "
+        "a fraction with a denominator of 1 to 1001, such as 24000/1001"
+    )
 
 
 def test_scenarios_take_fractions_and_are_written_with_them(workplace: Path) -> None:

@@ -466,3 +466,10 @@ def test_planted_feet_stay_beyond_the_last_control_frame() -> None:
     found = np.concatenate(moved, axis=1)
     assert found.shape[1] > 40
     assert np.median(found, axis=1).max() < 1e-4
+
+
+def test_avatars_that_are_named_twice_or_in_any_order_are_posed_once_in_their_order() -> None:
+    take, policy = build_take([[0, 0, 0], [1, 1, 1], [0, 0, 0]], np.array([21, 81]), np.array([60, 60]), 45)
+    expected = sampler(take, policy).sample(0, 4, 60, [0, 2])[0]
+    found = sampler(take, policy).sample(0, 4, 60, [2, 0, 2])[0]
+    assert found.joints()[0].tobytes() == expected.joints()[0].tobytes()

@@ -116,7 +116,7 @@ def test_motion_without_strikes_is_a_weakness_of_its_own():
          "the two are 1.9 m apart, and strikes reach 0.8 to 0.9 m",
          "add clips of steps that end in the stance of the strikes"),
         ([("duel.waiting_actions", 2)],
-         "it repeats 2 actions, out of which no way leads that is worth as much",
+         "it repeats 2 actions; every way out is worth less",
          "add clips that begin and end in that stance, or raise graph.threshold"),
     ],
 )  # fmt: skip

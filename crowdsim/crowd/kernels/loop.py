@@ -16,7 +16,7 @@ from crowdsim.jit import kernel
 def run_frames(model, avatars, world, now, count, still, fresh, scratch, record, strikes, timings):
     """Run ``count`` control frames from ``now`` on for a small crowd, and record them.
 
-    ``still``: in the first frame nobody moves, and those in slots ``fresh`` decide. ``timings`` (count, 6) takes the
+    ``still``: no avatar moves in the first frame; those in slots ``fresh`` decide. ``timings`` (count, 6) takes the
     time of index, observe, choose, advance, strikes and record [ns]; without rows no clock is read. Returns the frames
     done, which are fewer where room for strikes may not last, an avatar is knocked down, or events wait for strikes
     and some are thrown; the number of strikes; and the slot of an avatar whose position or values are not numbers,

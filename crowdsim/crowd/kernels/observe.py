@@ -12,8 +12,8 @@ from crowdsim.crowd.kernels.opponents import change_opponent
 from crowdsim.crowd.kernels.prefetch import prefetch, prefetch_avatar
 from crowdsim.jit import kernel
 
-AT_HAND = 0.75  # distance of a scripted target from which on an avatar goes where it will meet it [m]
-WALKS = 0.08  # how far it walks meanwhile in a control frame [m]
+AT_HAND = 0.75  # distance of a scripted target beyond which an avatar walks to where the two will meet [m]
+WALKS = 0.08  # how far it walks in a control frame meanwhile [m]
 
 
 @kernel(inline=True)
@@ -89,7 +89,7 @@ def _scripted_target(targets, moment, target):
 
 @kernel(inline=True)
 def _meet(avatars, own, targets, moment, target):
-    """Return a scripted target, or where an avatar that it is not at hand for can meet it at a walk."""
+    """Return a scripted target where it is, or, if it is out of reach, where an avatar can meet it at a walk."""
     x, z, scale = avatars.x[own], avatars.z[own], avatars.playback[own].scale
     step, frames = WALKS * scale * avatars.motion[own].speed, 0
     while frames < FORESEEN:

@@ -12,6 +12,7 @@ from crowdsim.jit import kernel
 REST = 4.0  # what a strike costs an avatar that rests, in normalised values
 BOLDNESS = 0.2  # how much more a strike is worth to an avatar for each doubling of its aggression
 AIM = 2.0  # what a strike is worth that will land on a scripted target
+AIMED = 4.0  # distance up to which a scripted target is aimed at, as far as two actions and the target lead [m]
 SET_UP = 0.6  # what an action is worth that such a strike can follow, of that
 AWAY, NEAR = -0.3, 2.0  # where an avatar does not see another: cosine of the bearing; and how near that one is [m]
 
@@ -67,11 +68,15 @@ def _aim_at_ball(model, avatars, world, now, own, values):
     """
     actions, state, size = model.actions, model.actions[avatars.motion[own].action].next, avatars.playback[own].scale
     start = avatars.x[own], avatars.z[own], avatars.heading[own]
+    ball = world.targets[now.moment, -2 - avatars.fight[own].next_opponent]
+    near = (ball[0] - start[0]) ** 2 + (ball[2] - start[1]) ** 2 <= AIMED * AIMED * size * size
     for k in range(model.offsets[state + 1] - model.offsets[state]):
         action = model.offsets[state] + k
         if actions[action].strikes < actions[action + 1].strikes:
-            lands = _lands_on_ball(model, avatars, world, now, own, action, start, 0.0)
+            lands = near and _lands_on_ball(model, avatars, world, now, own, action, start, 0.0)
             values[k] += AIM if lands else -world.crowding.at_air
+            continue
+        if not near:
             continue
         cos, sin = cos_sin(start[2])
         move, frames = model.moves[action], actions[action].length
