@@ -188,7 +188,8 @@ def _source(job: Job) -> tuple[TakeSource, RenderOptions]:
     wanted = job.run.outputs.render
     assert wanted is not None
     options, source = scenario_options(wanted, 1), _open(job, wanted.rate)
-    return source, replace(options, frames=wanted.frames_of(extent_of(source.take)))
+    extent = extent_of(source.take)
+    return source, replace(options, frames=wanted.frames_of(extent), shots=wanted.shots_of(extent))
 
 
 def _open(job: Job, fps: float) -> TakeSource:

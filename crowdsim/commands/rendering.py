@@ -32,8 +32,8 @@ def render(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="auto, fight, orbit, top, side, front, follow:AVATAR, eye:AVATAR; one of the scenario's; "
-            "FILE.yaml#NAME; front+side for BVH files.",
+            help="auto, fight, orbit, top, side, front, follow:AVATAR, eye:AVATAR, fight:AVATAR,AVATAR; "
+            "one of the scenario's; FILE.yaml#NAME; front+side for BVH files.",
         ),
     ] = None,
     shots: Annotated[
@@ -94,6 +94,7 @@ def render(
         return source, run.notes
 
     drawn = {"size": size, "fps": fps, "frames": frames, "camera": camera, **asdict(options.look)}
+    drawn |= {} if shots is None else {"shots": str(shots)}
 
     @contextmanager
     def record(folder: Path, planned: Sequence[Path], mark: str) -> Iterator[Place]:

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from crowdsim.config.files import Fault, Finding
 from crowdsim.errors import TakeError
 from crowdsim.scenario.camera import Camera
-from crowdsim.scenario.cameras import Chosen, Shots
+from crowdsim.scenario.cameras import Chosen, Shot, Shots
 from crowdsim.scenario.frame_ranges import output_frames
 from crowdsim.scenario.looks import MOST_BLUR, Background, Light, Marks
 from crowdsim.scenario.output import Extent, Ranged, Series
@@ -27,6 +27,7 @@ _PNG_BYTES, _VIDEO_BYTES = 1.0, 0.1
 _PICTURE_SECONDS, _FIGURE_SECONDS, _PIXEL_SECONDS = 0.02, 4e-4, 8e-8
 
 
+_MOST_FRAMES = 10**12
 Pixels = Annotated[int, Field(ge=16, le=8192)]
 
 
@@ -80,7 +81,7 @@ class RenderOutput(Ranged):
         if not (self.mp4 or self.png or self.contact_sheet):
             raise Fault("writes nothing, expected mp4, png or contact_sheet")
         if self.transparent and self.mp4:
-            raise Fault("is true, which no video can be, expected mp4: false beside it", "transparent")
+            raise Fault("is true, but video has no transparency, expected mp4: false", "transparent")
         if self.shots and self.frames is not None:
             raise Fault("are given beside shots, which have times of their own, expected one of them", "frames")
         return self
@@ -103,9 +104,20 @@ class RenderOutput(Ranged):
         """Return the first frame and the one after the last of those that a take has, or of an edited video."""
         if not self.shots:
             return super().frames_of(extent)
+        return 0, sum(stop - start for start, stop in self._spans(extent))
+
+    def _spans(self, extent: Extent) -> list[tuple[int, int]]:
+        """Return the frames of its shots that a take has, which may have ended before them; of some shots none."""
         count = output_frames(extent.control_frames, extent.control_rate, self.rate)
-        spans = [shot.span.resolve(count, self.rate) for shot in self.shots]
-        return 0, sum(stop - start for start, stop in spans)
+        spans = [shot.span.resolve(_MOST_FRAMES, self.rate) for shot in self.shots]
+        return [(min(start, count), min(stop, count)) for start, stop in spans]
+
+    def shots_of(self, extent: Extent) -> tuple[Shot, ...]:
+        """Return its shots of frames that a take has, as numbers of frames."""
+        spans = zip(self.shots, self._spans(extent), strict=True)
+        return tuple(
+            shot.model_copy(update={"from": start, "to": stop}) for shot, (start, stop) in spans if start < stop
+        )
 
     def findings_for(self, extent: Extent) -> Iterator[Finding]:
         """Yield a finding for each shot of frames that a take does not have."""
@@ -150,7 +162,7 @@ class RenderOutput(Ranged):
         frames = self.frames_of(done.extent)
         if frames[0] == frames[1]:
             return []
-        options = replace(scenario_options(self, done.threads), frames=frames)
+        options = replace(scenario_options(self, done.threads), frames=frames, shots=self.shots_of(done.extent))
         files = picture_files(done.folder, frames, self.mp4, self.png, self.contact_sheet or 0)
         there = {path.name for path in files if path.exists()}
         if not all(path.exists() for path in files):

@@ -14,7 +14,7 @@ from crowdsim.config.files import Finding, find_faults
 from crowdsim.config.nodes import MAXIMUM_BYTES
 from crowdsim.errors import CrowdsimError, PolicyError, RecipeError, ScenarioError, nearest
 from crowdsim.scenario.frame_ranges import output_frames
-from crowdsim.scenario.output import Ranged
+from crowdsim.scenario.output import Extent, Ranged
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -164,9 +164,10 @@ def _time_findings(scenario: Scenario) -> list[Finding]:
     """
     rate = control_rate(scenario)
     count = scenario.control_frames(rate)
-    findings = []
-    outputs = scenario.outputs.resolved(scenario.fps).wanted()
+    findings: list[Finding] = []
+    outputs, extent = scenario.outputs.resolved(scenario.fps).wanted(), Extent(scenario.avatar_count, count, rate)
     for output in (output for output in outputs if isinstance(output, Ranged)):
+        findings += map(output.place, output.findings_for(extent))
         frames, fps = output.asked_frames(), output.rate
         if frames is None:
             continue

@@ -71,7 +71,7 @@ class ClipSource:
 
     @property
     def cameras(self) -> Mapping[str, Camera]:
-        """Return that a file has no cameras."""
+        """No cameras: BVH files define none."""
         return {}
 
     def ground(self, frames: Array) -> Array:
@@ -181,7 +181,7 @@ class PeopleSource:
 
     @property
     def cameras(self) -> Mapping[str, Camera]:
-        """Return that a file has no cameras."""
+        """No cameras: BVH files define none."""
         return {}
 
     @property

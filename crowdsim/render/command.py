@@ -102,7 +102,7 @@ def render_bvh(
 
 
 def _with_camera(options: RenderOptions, camera: str) -> RenderOptions:
-    return options if options.camera or options.shots else replace(options, camera=camera)
+    return options if options.camera is not None or options.shots else replace(options, camera=camera)
 
 
 def render_many(

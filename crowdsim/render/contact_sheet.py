@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from crowdsim.core.types import Array, Progress
 from crowdsim.render.caption import draw_caption, text_height
-from crowdsim.render.stage import Stage
+from crowdsim.render.stage import Stage, mean_light
 from crowdsim.render.video import write_png
 
 _GAP = 6
@@ -40,14 +39,17 @@ def draw_sheet(stage: Stage, frames: list[int], threads: int = 1, progress: Prog
     rows = math.ceil(len(frames) / columns)
     sheet = np.full(
         (rows * (height + _GAP) + _GAP, columns * (width + _GAP) + _GAP, 4 if stage.look.transparent else 3),
-        _GROUND,
+        0 if stage.look.transparent else _GROUND,
         np.uint8,
     )
-    fine = replace(stage, size=(2 * width, 2 * height), look=stage.look.plain())
+    fine = stage.resized((2 * width, 2 * height), stage.look.plain())
     for index, frame in enumerate(frames):
-        large = fine.picture(frame, threads).astype(np.uint16)
-        small = (large[::2, ::2] + large[1::2, ::2] + large[::2, 1::2] + large[1::2, 1::2] + 2) // 4
-        moment = small.astype(np.uint8)
+        large = fine.picture(frame, threads)
+        four = np.stack([large[row::2, column::2] for column in range(2) for row in range(2)])
+        if stage.look.transparent:
+            moment = mean_light(list(four))
+        else:
+            moment = ((four.sum(axis=0, dtype=np.uint16) + 2) // 4).astype(np.uint8)
         if stage.look.caption and not stage.look.transparent:
             text = f"{frame / stage.source.fps:.2f} s" if index else stage.title(frame)
             draw_caption(moment, text, height=max(text_height(height), round(height / 27)))

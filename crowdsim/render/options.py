@@ -63,7 +63,7 @@ class RenderOptions:
         if self.mp4 and (self.size[0] % 2 or self.size[1] % 2):
             raise CrowdsimError(f"size {self.size[0]}x{self.size[1]}: a video needs an even width and height")
         if self.look.transparent and self.mp4:
-            raise CrowdsimError("a video cannot be transparent, expected --png without --mp4")
+            raise CrowdsimError("a video cannot be transparent, expected --png or --contact-sheet instead of --mp4")
         if self.shots and self.camera is not None:
             raise CrowdsimError("shots have cameras of their own, expected no camera beside them")
         for name, number in (("threads", self.threads), ("jobs", self.jobs)):
@@ -90,4 +90,4 @@ class RenderOptions:
 
     def stage(self, source: PoseSource) -> Stage:
         """Return a source with everything that its pictures share; errors as of ``build_stage``."""
-        return build_stage(source, self.size, self.camera or "auto", self.look, self.shots)
+        return build_stage(source, self.size, "auto" if self.camera is None else self.camera, self.look, self.shots)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.kernels.layout import LANDED
-from crowdsim.errors import CrowdsimError
+from crowdsim.errors import CrowdsimError, TakeError
 from crowdsim.render.camera import Track, build_track, resolve_camera
 from crowdsim.render.caption import draw_caption
 from crowdsim.render.crowd_path import watch
@@ -53,6 +53,11 @@ class Stage:
     mark: str
     finer: Stage | None = None
 
+    def resized(self, size: tuple[int, int], look: Look) -> Stage:
+        """Return it with pictures of another size and look."""
+        finer = None if self.finer is None else self.finer.resized(size, look)
+        return replace(self, size=size, look=look, finer=finer)
+
     def picture(self, frame: int, threads: int = 1, stop: int | None = None) -> Array:
         """Draw a frame.
 
@@ -73,19 +78,9 @@ class Stage:
         """Draw the mean of what an open shutter sees for half a frame, in linear light."""
         assert self.finer is not None
         samples = self.look.motion_blur
-        first, end = 2 * samples * frame, 2 * samples * (stop or frame + 1)
-        last = self.finer.source.frame_count - 1
-        light: Any = 0.0
-        cover: Any = 0.0
-        for sample in range(samples):
-            part = self.finer._still(min(first + sample, last), threads, end).astype(np.float32)
-            # A figure that covers half of a pixel gives it half as much light.
-            own = part[..., 3:] if self.look.transparent else np.float32(255.0)
-            light, cover = light + part[..., :3] ** 2 * own, cover + own
-        mean = np.sqrt(light / np.maximum(cover, np.float32(1e-3)))
-        if self.look.transparent:
-            mean = np.concatenate([mean, np.asarray(cover) / samples], axis=2)
-        return np.asarray((mean + 0.5).astype(np.uint8))
+        first, last = 2 * samples * frame, self.finer.source.frame_count - 1
+        end = first + samples  # while the shutter is closed nothing is posed
+        return mean_light([self.finer._still(min(first + sample, last), threads, end) for sample in range(samples)])
 
     def _still(self, frame: int, threads: int, stop: int | None) -> Array:
         """Draw a frame without motion blur and caption."""
@@ -117,7 +112,7 @@ class Stage:
         ]
         picture = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
         for edge in edges[1:-1]:
-            picture[:, max(edge - 1, 0) : edge + 1] = _BETWEEN
+            picture[:, max(edge - 1, 0) : edge + 1] = 0 if self.look.transparent else _BETWEEN
         return picture
 
     def scales(self, frame: int) -> Array:
@@ -141,6 +136,26 @@ class Stage:
         crowd = f"   {count:,} avatars" if count > 1 else ""
         squares = "   squares 1 m" if self.look.grid and self.look.background in ("day", "dark") else ""
         return f"{self.source.name}{crowd}   {frame / self.source.fps:.2f} s{squares}"
+
+
+def mean_light(pictures: Sequence[Array]) -> Array:
+    """Return the mean of pictures in linear light; with a fourth channel, colours count as much as figures cover.
+
+    Args:
+        pictures: Each of shape (height, width, 3 or 4), uint8.
+    """
+    light: Any = 0.0
+    cover: Any = 0.0
+    transparent = pictures[0].shape[2] == 4
+    for picture in pictures:
+        part = picture.astype(np.float32)
+        # A figure that covers half of a pixel gives it half as much light.
+        own = part[..., 3:] if transparent else np.float32(255.0)
+        light, cover = light + part[..., :3] ** 2 * own, cover + own
+    mean = np.sqrt(light / np.maximum(cover, np.float32(1e-3)))
+    if transparent:
+        mean = np.concatenate([mean, np.asarray(cover) / len(pictures)], axis=2)
+    return np.asarray((mean + 0.5).astype(np.uint8))
 
 
 def build_stage(
@@ -184,7 +199,12 @@ def build_stage(
     )
     mark = hashlib.sha256(json.dumps(content).encode()).hexdigest()[:32]
 
-    spans = [shot.span.resolve(source.frame_count, source.fps) for shot in shots]
+    spans = []
+    for i, shot in enumerate(shots):
+        try:
+            spans.append(shot.span.resolve(source.frame_count, source.fps))
+        except TakeError as error:
+            raise TakeError(f"shots[{i}]: {error}") from None
 
     def stage(source: PoseSource, scale: int, finer: Stage | None = None) -> Stage:
         """Return the stage of the source at a multiple of its rate."""
@@ -199,7 +219,7 @@ def build_stage(
         return stage(source, 1)
     at_rate, scale = getattr(source, "at_rate", None), 2 * look.motion_blur
     if at_rate is None:
-        raise CrowdsimError(f"{source.name}: is no run, of which alone pictures have motion blur")
+        raise CrowdsimError(f"{source.name}: motion blur needs a run, not a BVH file")
     return stage(source, 1, stage(at_rate(scale * source.fps), scale))
 
 

@@ -84,6 +84,8 @@ class TakeSource:
         joints = max(policy.database.skeleton.joint_count for policy in policies)
         self._block = int(np.clip(_BLOCK_BYTES // (take.avatar_count * joints * 16), 1, _MOST_FRAMES))
         self._blocks: list[_Block] = []
+        # As many as pictures are drawn at once, and one before.
+        self._kept = max(threads, 1)
         self._joints = [policies[index].database.skeleton.joint_count for index in present]
         self._counts = np.bincount(self.avatar_figures, minlength=len(present))
         self._columns = np.zeros(take.avatar_count, np.int64)
@@ -130,7 +132,7 @@ class TakeSource:
             if block is None:
                 stop = min(frame + self._block, self.frame_count, shown.stop if shown else frame + 1)
                 block = self._sample(frame, stop, scales)
-                self._blocks = [block, *self._blocks[:1]]
+                self._blocks = [block, *self._blocks[: self._kept]]
         whole = [
             (np.full((count, joints, 3), np.nan, np.float32), np.full((count, joints, 4), np.nan, np.float32))
             for count, joints in zip(self._counts, self._joints, strict=True)

@@ -81,9 +81,10 @@ def haze_distance(distances: Array) -> Array:
 
 
 def look_at(eye: Array, target: Array, haze: float = 90.0, field: float = FIELD) -> View:
-    """Return the view of an eye that looks at a target; both shapes (3,) [m]."""
+    """Return the view of an eye that looks at a target, ahead (+z) where it is there itself; both shapes (3,) [m]."""
     ahead = np.asarray(target, float) - np.asarray(eye, float)
-    ahead /= np.linalg.norm(ahead)
+    away = np.linalg.norm(ahead)
+    ahead = ahead / away if away > 1e-9 else np.array([0.0, 0.0, 1.0])
     azimuth = math.atan2(ahead[0], ahead[2])
     right = np.array([-math.cos(azimuth), 0.0, math.sin(azimuth)])
     return View(np.asarray(eye, float), ahead, right, haze, field)

@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Annotated, Any, ClassVar
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from crowdsim.config.files import Fault, StrictModel
 from crowdsim.errors import CrowdsimError, nearest
-from crowdsim.scenario.parts import Name
+from crowdsim.scenario.parts import Metres, Name
 
 FIELD = 36.0
 """Angle between the upper and lower edge of a picture whose camera names no lens [degrees]."""
@@ -18,7 +18,6 @@ AvatarRef = Annotated[int, Field(ge=0)] | Name
 """An avatar by its number or its name."""
 _MOST = 40
 """How many cameras a message lists."""
-Metres = Annotated[float, Field(ge=-100_000, le=100_000)]
 Position = tuple[Metres, Metres, Metres]
 
 
@@ -37,6 +36,8 @@ class Lens(StrictModel):
     def _check(self) -> Lens:
         if (self.field_of_view is None) == (self.focal_length is None):
             raise Fault("expected either field_of_view or focal_length")
+        if self.focal_length is None and "sensor" in self.model_fields_set:
+            raise Fault("is given beside field_of_view, expected it beside focal_length only", "sensor")
         if not 1.0 <= math.degrees(self.field) <= 150.0:
             raise Fault(f"sees {math.degrees(self.field):.3g} degrees, expected 1 to 150", "focal_length")
         return self
@@ -44,8 +45,9 @@ class Lens(StrictModel):
     @property
     def field(self) -> float:
         """Angle between the upper and lower edge of the picture [rad]."""
-        if self.focal_length is None:
-            return math.radians(self.field_of_view or FIELD)
+        if self.field_of_view is not None:
+            return math.radians(self.field_of_view)
+        assert self.focal_length is not None
         return 2.0 * math.atan(0.5 * self.sensor / self.focal_length)
 
 
@@ -142,7 +144,11 @@ def parse_camera(
         if colon:
             given = tuple(int(one) if one.isdecimal() else one for one in avatar.split(","))
             keys[kind.follows] = given if kind.follows == "avatars" else given[0] if len(given) == 1 else avatar
-        found.append(kind.model_validate(keys))
+        try:
+            found.append(kind.model_validate(keys))
+        except ValidationError as error:
+            reason = error.errors()[0]
+            raise CrowdsimError(f"camera {part[:100]!r}: {reason['msg'].removeprefix('Value error, ')}") from None
     return tuple(found)
 
 

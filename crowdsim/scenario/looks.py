@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import AfterValidator, WithJsonSchema
 
 from crowdsim.config.schema import quoted
 from crowdsim.errors import nearest
 
-MARKS = ("none", "landed", "all")
-LIGHTS = ("day", "soft", "evening", "night")
+Marks = Literal["none", "landed", "all"]
+Light = Literal["day", "soft", "evening", "night"]
+MARKS, LIGHTS = get_args(Marks), get_args(Light)
 BACKGROUNDS = ("day", "dark", "studio", "white", "black", "green")
 MOST_BLUR = 64
 """Of how many moments a picture may be the mean."""
 _COLOUR = "#[0-9a-fA-F]{6}"
-
-Marks = Literal["none", "landed", "all"]
-Light = Literal["day", "soft", "evening", "night"]
 
 
 def check_background(text: str) -> str:

@@ -16,7 +16,8 @@ from crowdsim.render.palette import avatar_paints
 from crowdsim.render.raycast import Capsules, draw, sun_direction
 from crowdsim.render.stage import build_stage
 from crowdsim.render.view import look_at
-from crowdsim.scenario.cameras import KINDS
+from crowdsim.scenario.camera import Lens
+from crowdsim.scenario.cameras import KINDS, chosen_cameras
 
 SIZE = (96, 64)
 FRONT = look_at(np.array([0.0, 1.2, 3.0]), np.array([0.0, 1.0, 0.0]))
@@ -143,7 +144,7 @@ def test_motion_blur_is_the_mean_of_moments_while_a_shutter_is_open():
     # Where a figure passes, its colour is no darker for being there half of the time.
     passing = (covers > 60) & (covers < 190)
     assert clear[passing][:, :3].max(axis=1).mean() > 0.8 * clear[covers > 250][:, :3].max(axis=1).mean()
-    with pytest.raises(CrowdsimError, match="is no run, of which alone pictures have motion blur"):
+    with pytest.raises(CrowdsimError, match="motion blur needs a run, not a BVH file"):
         build_stage(Walkers(source.paths), SIZE, "top", Look(motion_blur=2))
 
 
@@ -156,3 +157,35 @@ def test_a_floor_without_a_grid_is_plain_and_lights_differ():
     means = {light: floor(light=light).mean(axis=(0, 1)) for light in ("day", "soft", "evening", "night")}
     assert means["night"].mean() < 0.7 * means["day"].mean()
     assert means["evening"][0] > 1.2 * means["evening"][2]
+
+
+def test_a_contact_sheet_has_moments_with_motion_blur(tmp_path):
+    source = Runners(np.zeros((20, 1, 3))).at_rate(30.0)
+    options = RenderOptions(size=SIZE, mp4=False, contact_sheet=2, look=Look(motion_blur=2, caption=False))
+    render(source, tmp_path, options)
+    assert np.asarray(Image.open(tmp_path / "contact_sheet.png")).std() > 1.0
+
+
+def test_a_transparent_contact_sheet_covers_nothing_but_figures(tmp_path):
+    look = Look(transparent=True, caption=False)
+    render(Walkers(random_walk(6, 1, seed=3)), tmp_path, RenderOptions(SIZE, mp4=False, contact_sheet=2, look=look))
+    sheet = np.asarray(Image.open(tmp_path / "contact_sheet.png"))
+    assert (sheet[:3, :, 3] == 0).all()
+    inside, edges = sheet[sheet[..., 3] == 255], sheet[(sheet[..., 3] > 60) & (sheet[..., 3] < 200)]
+    assert edges[:, :3].mean() > 0.6 * inside[:, :3].mean(), "edges have no dark fringe"
+
+
+def test_a_view_of_a_point_in_the_eye_is_ahead():
+    view = look_at(np.array([1.0, 2.0, 3.0]), np.array([1.0, 2.0, 3.0]))
+    np.testing.assert_array_equal(view.ahead, [0.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize("text", ["follow:a b", "follow:-1", "follow:a,b", "fight:" + ",".join("0" * 101)])
+def test_avatars_of_cameras_that_cannot_be_are_an_error_of_the_camera(text):
+    with pytest.raises(CrowdsimError, match="camera '"):
+        chosen_cameras(text)
+
+
+def test_a_lens_has_no_sensor_beside_its_field_of_view():
+    with pytest.raises(ValueError, match="sensor"):
+        Lens(field_of_view=40, sensor=36)

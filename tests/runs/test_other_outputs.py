@@ -91,3 +91,17 @@ def test_another_seed_is_another_run(workplace: Path, capsys) -> None:
     assert "holds another run" in capsys.readouterr().err
     # The chunks that a take is in cannot be changed behind it.
     assert crowdsim("run", "four.yaml", "--out", "run", "--set", "outputs.take.chunk=8") == 2
+
+
+def test_shots_of_a_run_end_where_it_ends(workplace: Path, capsys) -> None:
+    shots = [{"camera": "top", "from": 0, "to": "2s"}, {"camera": "side", "from": "8s", "to": "9s"}]
+    render = {"mp4": False, "png": True, "size": [64, 48], "shots": shots}
+    write_scene(workplace / "four.yaml", duration=200, until={"landed": 1}, linger=0.5, outputs={"render": render})
+    assert crowdsim("run", "four.yaml", "--out", "run") == 0
+    frames = read_manifest(workplace / "run")["control_frames"]
+    assert len(list((workplace / "run" / "frames").glob("*.png"))) == 60 * frames // 15
+    shots[1]["to"] = "99s"
+    write_scene(workplace / "four.yaml", duration=200, outputs={"render": render})
+    capsys.readouterr()
+    assert crowdsim("validate", "four.yaml") == 2
+    assert "outputs.render.shots[1]: frames '8s:99s': there are frames 0 to 799" in capsys.readouterr().err

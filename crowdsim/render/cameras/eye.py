@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from crowdsim.core.types import Array
+from crowdsim.errors import CrowdsimError
 from crowdsim.render.crowd_path import between, filled, hann
 from crowdsim.render.view import View, look_at
 from crowdsim.scenario.camera import AvatarRef, Camera, avatar_number
@@ -38,7 +39,11 @@ class EyeCamera(Camera):
         """Return the view at each frame."""
         field = math.radians(_FIELD) if self.lens is None else self.lens.field
         source = footage.source
-        heads, step = _heads(footage, avatar_number(self.avatar, source.avatar_names))
+        number = avatar_number(self.avatar, source.avatar_names)
+        heads, step = _heads(footage, number)
+        if not np.isfinite(heads).any():
+            raise CrowdsimError(f"camera eye: avatar {source.avatar_names[number]} is in none of these frames")
+        heads = filled(heads[:, None])[:, 0]
         heads = hann(heads, max(1, round(_SMOOTH * source.fps / step)))
 
         def view(frame: float) -> View:
@@ -54,7 +59,7 @@ class EyeCamera(Camera):
 
 
 def _heads(footage: Footage, number: int) -> tuple[Array, int]:
-    """Return where a head is and where it looks at about thirty moments a second (M, 6), and the frames between them.
+    """Return where a head is and where it looks, some thirty times a second (M, 6), NaN while absent; and the step.
 
     Figures without a face look where they are headed, from nine tenths of their height.
     """
@@ -82,7 +87,7 @@ def _heads(footage: Footage, number: int) -> tuple[Array, int]:
         else:
             x, z, heading = source.ground(np.array([frame]))[0, number]
             found[moment] = x, 0.9 * source.avatar_heights[number], z, math.sin(heading), 0.0, math.cos(heading)
-    return filled(found[:, None])[:, 0], step
+    return found, step
 
 
 CAMERA = EyeCamera

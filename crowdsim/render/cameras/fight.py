@@ -58,15 +58,15 @@ class FightCamera(Camera):
     avatars: tuple[AvatarRef, ...] = Field(
         default=(),
         max_length=100,
-        description="Numbers or names of those that it shows; one alone with whoever is nearest to it. Without them "
-        "all of up to four avatars, else the one with the most strikes.",
+        description="Numbers or names of those that it shows; a single avatar is shown with the nearest other one. "
+        "Without them all of up to four avatars, else the one with the most strikes.",
     )
     cuts: bool = Field(default=True, description="Whether it may cut; else it only moves.")
     elevation: float | None = Field(
         default=None, ge=0, le=80, description="How far down it looks [degrees]; what shows most without it."
     )
     distance: float | None = Field(
-        default=None, gt=0, le=1000, description="Distance to the middle [m]; as near as shows all without it."
+        default=None, gt=0, le=1000, description="Level distance to the middle [m]; as near as shows all without it."
     )
 
     def plan(self, footage: Footage) -> Callable[[float], View]:
@@ -97,15 +97,16 @@ class FightCamera(Camera):
         for moment in range(len(costs)):
             costs[moment] += _blocked_costs(footage, moment, shown[moment], eyes(moment)).reshape(costs.shape[1:])
         finder, cuts = StrikeFinder(source), np.full(len(costs), float(_CUT if self.cuts else np.inf))
-        times = np.arange(len(costs)) * crowd.step / crowd.fps
-        for number, point, outcome in zip(frames[:_MOST_STRIKES], points, outcomes, strict=False):
+        times, looked_at = np.arange(len(costs)) * crowd.step / crowd.fps, 0
+        for number, point, outcome in zip(frames, points, outcomes, strict=True):
             at = min(number / crowd.step, len(costs) - 1.0)
             gaps = np.linalg.norm(subjects[round(at), :, :2] - point[[0, 2]], axis=1)
             if np.nan_to_num(gaps, nan=np.inf).min() > _CLOSE:
                 continue
             seconds = times - number / crowd.fps
             cuts[(seconds > -_LULL[0]) & (seconds < _LULL[1])] += _MID_ACTION
-            strike = finder.find(int(number), point) if outcome == LANDED else None
+            looked_at += outcome == LANDED
+            strike = finder.find(int(number), point) if outcome == LANDED and looked_at <= _MOST_STRIKES else None
             if strike is not None:
                 hidden = _hidden_costs(strike, eyes(at)).reshape(costs.shape[1:])
                 low = math.floor(at)

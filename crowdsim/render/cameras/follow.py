@@ -89,10 +89,9 @@ def _detours(
     crowd = footage.crowd
     around = np.arange(HEADINGS) * (2.0 * math.pi / HEADINGS)
     costs = np.empty((len(crowd.grounds), HEADINGS, 1))
-    wanted = np.empty(len(crowd.grounds))
     for moment, ground in enumerate(crowd.grounds[:, : crowd.avatars]):
         at = moment * crowd.step / step
-        place, wanted[moment] = between(places, at), between(turns, at)
+        place, wanted = between(places, at), float(between(turns, at))
         near = np.flatnonzero(np.linalg.norm(ground[:, :2] - place, axis=1) < distance + 1.0)
         near = near[near != number]
         x, z = ground[near, :2].T.astype(float)
@@ -103,13 +102,12 @@ def _detours(
             axis=1,
         )
         body = np.array([[place[0], share * crowd.heights[number], place[1]] for share in (0.4, 0.65, 0.9)])
-        off = (around - wanted[moment] + math.pi) % (2.0 * math.pi) - math.pi
+        off = (around - wanted + math.pi) % (2.0 * math.pi) - math.pi
         gaps = np.linalg.norm(eyes[:, None, [0, 2]] - ground[near, :2], axis=-1).min(axis=1, initial=_CLEAR)
         hidden = 1.0 - are_in_sight(body, eyes, shapes).mean(axis=1)
         costs[moment, :, 0] = _TURN * off**2 + _BLOCKED * (hidden + 1.0 - gaps / _CLEAR)
     course = find_course(costs, np.zeros(1), np.full(len(costs), np.inf), max(1, round(0.75 * crowd.fps / crowd.step)))
     found = course.angles[0][:, 0]
-    # The course is in steps: only its distance from the wanted heading counts where nothing is in the way.
     return np.array([float(between(found, frame * step / crowd.step)) for frame in range(len(turns))])
 
 

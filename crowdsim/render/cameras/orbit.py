@@ -26,7 +26,7 @@ class OrbitCamera(Camera):
         default=None, ge=0, le=89, description="How far down it looks [degrees]; what suits the crowd without it."
     )
     distance: float | None = Field(
-        default=None, gt=0, le=100_000, description="Distance to the middle [m]; as near as shows all without it."
+        default=None, gt=0, le=100_000, description="Level distance to the middle [m]; as near as shows all without it."
     )
 
     def plan(self, footage: Footage) -> Callable[[float], View]:
