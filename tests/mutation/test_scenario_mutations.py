@@ -49,6 +49,7 @@ groups:
   facing: enemies
   placement: {kind: disc, radius: 9, distance: 0.8}
 - {name: blue, team: two, type: b, count: 2, waits: true, placement: {kind: points, points: [[20, 1], [21, 2]]}}
+- {name: green, type: a, count: 2, placement: {kind: disc, centre: [30, 0], radius: 2}}
 opponents: {kind: other_team, hysteresis: 0.2}
 targets: {head: {kind: points, points: [[1, 2], [3, 4]]}}
 events:
