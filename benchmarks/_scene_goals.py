@@ -46,37 +46,47 @@ class Goal:
         return f"{text}, mean" if self.mean else text
 
 
-CROWD = {"stuck_share": Goal(most=0.005), "turned_away_share": Goal(most=0.06), "air_share": Goal(most=0.03)}
-GOALS: dict[str, dict[str, Goal]] = {
-    "duel": {"first_landed_seconds": Goal(most=6.0), "air_share": Goal(most=0.02)},
-    "moving_target": {"within_share": Goal(0.9), "landed_per_minute": Goal(8.0)},
-    "moving_target_fast": {"within_share": Goal(0.8), "landed_per_minute": Goal(4.0)},
-    "armies_200": {
-        "first_landed_seconds": Goal(most=8.0),
-        "air_share": Goal(most=0.05),
-        "out_of_reach_share": Goal(most=0.4),
-    },
-    "brawl_30": {
-        "stuck_avatars": Goal(most=0),
-        "out_of_reach_share": Goal(most=0.02),
-        "turned_away_share": Goal(most=0.03),
-        "air_share": Goal(most=0.02),
-        "thrown_per_minute": Goal(30.0, 60.0),
-        "landed_share": Goal(0.35),
-        "least_landed_per_minute": Goal(4.0, mean=True),
-        "distance_median": Goal(0.85, 1.15),
-    },
-    "brawl_30_cmu": {
-        "stuck_avatars": Goal(most=0),
-        "turned_away_share": Goal(most=0.06),
-        "air_share": Goal(most=0.02),
-        "thrown_per_minute": Goal(most=75.0),
-    },
-    "crowd_10k": CROWD,
-    "crowd_100k": CROWD,
-    "crowd_1m": CROWD,
+STRIKES = {"air_share": Goal(most=0.02), "landed_share": Goal(0.35)}
+FIGHT = {
+    "first_landed_seconds": Goal(most=6.0),
+    **STRIKES,
+    "out_of_reach_share": Goal(most=0.02),
+    "stuck_share": Goal(most=0.005),
+    "turned_away_share": Goal(most=0.03),
+    "thrown_per_minute": Goal(30.0, 60.0),
+    "landed_per_minute": Goal(10.0),
+    "distance_median": Goal(0.85, 1.15),
+    "overlap_share": Goal(most=0.02),
 }
-"""Goals of figures by scene; scenes and figures without one are only reported."""
+FEW = {**FIGHT, "stuck_avatars": Goal(most=0), "least_landed_per_minute": Goal(4.0, mean=True)}
+TARGET = {
+    "first_landed_seconds": Goal(most=8.0),
+    **STRIKES,
+    "stuck_avatars": Goal(most=0),
+    "turned_away_share": Goal(most=0.03),
+    "within_share": Goal(0.9),
+    "landed_per_minute": Goal(8.0),
+}
+# Rests and falls part those who fight until they are down.
+DAMAGE = {**STRIKES, "first_landed_seconds": FIGHT["first_landed_seconds"], "overlap_share": FIGHT["overlap_share"]}
+GOALS: dict[str, dict[str, Goal]] = {
+    "duel": {**FEW, "within_share": Goal(0.9)},
+    "bout": DAMAGE,
+    "moving_target": TARGET,
+    "moving_target_fast": {**TARGET, "within_share": Goal(0.8), "landed_per_minute": Goal(4.0)},
+    "armies_200": FIGHT,
+    "brawl_30": FEW,
+    "brawl_30_cmu": FEW,
+    "brawl_last_standing": DAMAGE,
+    "crowd_10k": FIGHT,
+    "crowd_100k": FIGHT,
+    "crowd_1m": FIGHT,
+    **{
+        f"ring_{radius}": {"arrived_share": Goal(0.99), "arrived_in_time_share": Goal(0.95)}
+        for radius in (2, 3, 4, 8, 12)
+    },
+}
+"""Goals of figures by scene: those of a fight hold for all of its variants. Figures without one are only reported."""
 
 
 def worst_of(key: str, values: Sequence[float | None], goal: Goal | None = None) -> float | None:

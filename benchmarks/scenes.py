@@ -4,7 +4,8 @@
                                 [--quick]
 
 The figures are those of ``crowdsim inspect RUN`` (``crowdsim.take.measures``): the worst of the seeds, and the mean.
-Positions are measured from 10 s on, in `armies_200` from 15 s on. Large crowds run for 25 s, longer than their
+Positions are measured from 10 s on; `armies_200` is measured for the first 20 s after the armies meet, 2 s
+after the start. Large crowds run for 25 s, longer than their
 scenarios, so that stuck avatars show, `crowd_100k` with three seeds and `crowd_1m` with one.
 
 Beside the shipped scenarios there is a ring: 40 boxers at random headings, 2, 3, 4, 8 or 12 m away from a still
@@ -47,8 +48,8 @@ from crowdsim.take.measures import AFTER, FightCounter, opponent_offsets
 SHIPPED = Path(__file__).resolve().parent.parent / "scenarios"
 SEEDS = 5
 MOST_SEEDS = {"crowd_100k": 3, "crowd_1m": 1}
-LENGTHS = {"crowd_10k": 375, "crowd_100k": 375, "crowd_1m": 375}
-AFTERS = {"armies_200": 15.0}
+LENGTHS = {"armies_200": 330, "crowd_10k": 375, "crowd_100k": 375, "crowd_1m": 375}
+AFTERS = {"armies_200": 2.0}
 NEAR = ("duel", "moving_target", "moving_target_fast")
 RING_RADII = (2, 3, 4, 8, 12)
 RING_COUNT, RING_SECONDS = 40, 25.0

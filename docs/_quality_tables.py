@@ -15,7 +15,10 @@ sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from _exported.goals import MEASURES, shown
 from _scene_goals import GOALS, Goal
 
-FIGHTS = ("duel", "moving_target", "moving_target_fast", "armies_200", "brawl_30", "brawl_30_cmu")
+FIGHTS = (
+    "duel", "bout", "moving_target", "moving_target_fast", "armies_200", "brawl_30", "brawl_30_cmu",
+    "brawl_last_standing",
+)  # fmt: skip
 CROWDS = ("crowd_10k", "crowd_100k", "crowd_1m")
 FIGURES: dict[str, tuple[str, Format]] = {
     "first_landed_seconds": ("first strike landed after [s]", number),
@@ -39,6 +42,7 @@ RING_FIGURES: dict[str, tuple[str, Format]] = {
     "arrival_seconds": ("median time until within 1.3 m [s]", number),
     "landed_per_minute": ("strikes landed per avatar per minute", number),
 }
+ALL_FIGURES = {**FIGURES, **RING_FIGURES}
 
 
 def goal_text(goal: Goal, shown: Format) -> str:
@@ -55,7 +59,7 @@ def judged(results: Results, scene: str, key: str, goal: Goal) -> float | None:
 
 def scene_cell(results: Results, scene: str, key: str) -> str:
     """Return the worst of the seeds and their mean; in bold, with the goal in brackets, where the goal is missed."""
-    shown, goal = FIGURES[key][1], GOALS.get(scene, {}).get(key)
+    shown, goal = ALL_FIGURES[key][1], GOALS.get(scene, {}).get(key)
     if not results.has("scenes", scene, key):
         return "" if goal is None and results.has("scenes", scene) else results.cell(shown, "scenes", scene, key)
     worst, mean = results.get("scenes", scene, key), results.get("scenes", scene, "mean", key)
@@ -76,7 +80,7 @@ def goals_line(results: Results) -> str:
     """Return how many goals are missed, and which."""
     goals = [(scene, key, goal) for scene, some in GOALS.items() for key, goal in some.items()]
     known = [one for one in goals if results.has("scenes", *one[:2])]
-    missed = [f"`{scene}`, {FIGURES[key][0]}" for scene, key, goal in known
+    missed = [f"`{scene}`, {ALL_FIGURES[key][0]}" for scene, key, goal in known
               if not goal.met(judged(results, scene, key, goal))]  # fmt: skip
     unknown = f", {len(goals) - len(known)} {NOT_MEASURED}" if len(known) < len(goals) else ""
     return f"Goals missed: {len(missed)} of {len(goals)}{unknown}{': ' if missed else ''}{'; '.join(missed)}."
@@ -93,12 +97,9 @@ def crowds(results: Results) -> list[str]:
 
 
 def ring(results: Results) -> list[str]:
-    """Return how avatars approach a still target, the worst of the seeds."""
-    rows = [
-        [label, *(results.cell(shown, "scenes", name, key) for name in RINGS)]
-        for key, (label, shown) in RING_FIGURES.items()
-    ]
-    return results.table(["worst of the seeds", *RINGS.values()], rows, "scenes")
+    """Return how avatars approach a still target, the worst of the seeds and their mean."""
+    rows = [[label, *(scene_cell(results, name, key) for name in RINGS)] for key, (label, _) in RING_FIGURES.items()]
+    return results.table(["worst of the seeds / mean", *RINGS.values()], rows, "scenes")
 
 
 def policies(results: Results) -> list[str]:

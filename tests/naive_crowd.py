@@ -20,11 +20,14 @@ from crowdsim.crowd.kernels.opponents import AVERTED, BEHIND, ENGAGED, HIT, REME
 from crowdsim.crowd.kernels.shown_motion import CELL, LATEST
 from crowdsim.crowd.kernels.terms import variety
 from crowdsim.crowd.kernels.terms.collision_avoidance import BYSTANDERS, HALTED, STAGGER, STEP
+from crowdsim.crowd.kernels.terms.facing import FROM, THRONG, TURNED
+from crowdsim.crowd.kernels.terms.facing import NEAR as FACED
 from crowdsim.crowd.kernels.terms.guard import DROPPED
 from crowdsim.crowd.kernels.terms.guard import NEAR as GUARDED
 from crowdsim.crowd.kernels.terms.stance import ASTRAY
 from crowdsim.crowd.kernels.terms.stillness import BESIDE, CALM, FACING
-from crowdsim.crowd.kernels.terms.strikes import AIM, AIMED, AWAY, BOLDNESS, NEAR, REST, SET_UP
+from crowdsim.crowd.kernels.terms.strikes import AIM, AIMED, AWAY, BOLDNESS, NEAR, REST, SET_UP, SHORT
+from crowdsim.crowd.kernels.terms.strikes import AT_HAND as REACHED
 from crowdsim.crowd.kernels.vetoes.crossed_legs import CROSSED
 from crowdsim.crowd.kernels.vetoes.same_strike import TOGETHER, TWICE
 from crowdsim.crowd.kernels.vetoes.strike_at_air import AIR
@@ -338,7 +341,7 @@ def decide(one, avatars, crowd, targets, frame, marks):
     for k, action in enumerate(choices):
         values[k] -= crowding(one, action, mine, [avatars[j] for j in near], positions, crowd, opponent)
         values[k] += crowd.crowding.back * stepping_back(one, action, mine, frame)
-    counts = np.diff(actions.strike_offsets)[list(choices)]
+    counts, apart = np.diff(actions.strike_offsets)[list(choices)], crowd.crowding.end > 0
     if opponent >= 0 and crowd.varieties[one.cohort] > 0:
         far = math.hypot(seen[0], seen[2])
         charge = crowd.varieties[one.cohort] * (variety.ONE_STANCE if one.stance else 1.0)
@@ -358,6 +361,11 @@ def decide(one, avatars, crowd, targets, frame, marks):
         close = math.hypot(*(its - mine)[:2]) < NEAR
         worth -= crowd.crowding.unseen * (close and facing(its, mine) < AWAY)
     values = values + worth * counts
+    if opponent >= 0 and not rests and math.hypot(seen[0], seen[2]) > REACHED:
+        short = [counts[k] > 0 and strikes_air(one, avatars[opponent], a, mine) for k, a in enumerate(choices)]
+        values = values - SHORT * crowd.crowding.wasted * np.array(short)
+    if opponent >= 0 and len(near) >= THRONG and apart and math.hypot(seen[0], seen[2]) <= FACED:
+        values = values - TURNED * np.array([turned_away(one, a, seen, turned, lasts) for a in choices])
     if opponent <= -2 and crowd.crowding.wasted:
         values = values + aim(one, choices, mine, targets[1:, -2 - opponent], crowd)
     if opponent >= 0 and rests and FACING * math.hypot(seen[0], seen[2]) <= min(seen[2], FACING * BESIDE):
@@ -366,7 +374,7 @@ def decide(one, avatars, crowd, targets, frame, marks):
         values = values - DROPPED * one.unguarded[list(choices)]
     values = values - ASTRAY * one.astray[actions.next[list(choices)]]
     place = pick(values, one, crowd)
-    varied, apart = opponent >= 0 and crowd.varieties[one.cohort] > 0, crowd.crowding.end > 0
+    varied = opponent >= 0 and crowd.varieties[one.cohort] > 0
     for _ in range(REDRAWN):
         if varied and counts[place] > 0 and throws_too(one, avatars[opponent], choices[place], frame):
             values[place] -= TWICE
@@ -442,6 +450,14 @@ def strikes_air(one, other, action, mine):
     way = end - begin
     share = np.clip((point - begin) @ way / max(way @ way, 1e-12), 0.0, 1.0)
     return np.linalg.norm(point - begin - share * way) > AIR
+
+
+def turned_away(one, action, seen, moving, lasts):
+    """By how much the cosine of the opponent's bearing at the end of an action is less than ``FROM``."""
+    length = float(one.policy.actions.lengths[action])
+    way = one.displacement(action, length) / [one.scale, one.scale, 1.0]
+    there = np.array([seen[0], seen[2]]) + moving[[0, 2]] / (one.scale * one.speed) * min(length, lasts * one.speed)
+    return max(FROM - facing(way, there), 0.0)
 
 
 def facing(ground_frame, other):

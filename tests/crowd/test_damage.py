@@ -149,12 +149,12 @@ def test_whoever_is_knocked_down_falls_lies_and_rises_where_the_blow_came_to():
     chosen = []
     for _ in range(400):
         before = one.avatars.conditions["standing"].copy()
+        hits = np.arctan2(one.avatars.fight["hit_x"], one.avatars.fight["hit_z"])
         one.run(1)
         for number in range(12):
             slot, now = one.avatars.slot_of[number], one.avatars.conditions[number]
             if now["standing"] == layout.FALLING and before[number] == layout.DROPS:
-                blow = math.atan2(one.avatars.fight["hit_x"][slot], one.avatars.fight["hit_z"][slot])
-                chosen.append((math.cos(blow - one.avatars.heading[slot]), int(now["fall"])))
+                chosen.append((math.cos(hits[slot] - one.avatars.heading[slot]), int(now["fall"])))
             seen[number].append(now["standing"])
     # The first direction is ahead, the second behind; blows from the side may lead to either, where most room is.
     clear = [(ahead > 0, fall == 0) for ahead, fall in chosen if abs(ahead) > 0.9]

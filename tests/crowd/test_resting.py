@@ -142,7 +142,7 @@ def test_an_avatar_whose_opponent_has_left_stands_at_ease():
     gone = Change(AtFrame(40), who=np.array([False, True]), present=False)
     chunk = Simulation(replace(people(), policies=[resting_policy()], changes=(gone,))).run(240)
     assert not kinds(chunk.action[:40]).any()
-    assert (kinds(chunk.action[200:, 0]) == HOLD).all()
+    assert (kinds(chunk.action[210:, 0]) == HOLD).all()
 
 
 def test_an_avatar_waits_in_its_guard_for_one_that_will_get_up_again():

@@ -135,7 +135,7 @@ def test_a_higher_tempo_means_more_strikes():
 
 
 def test_more_aggression_means_more_strikes(boxer):
-    shy, usual, bold = (fight(boxer, DOUBLINGS, np.log2(aggression))[0] for aggression in (0.25, 1.0, 4.0))
+    shy, usual, bold = (fight(boxer, DOUBLINGS, np.log2(value), frames=4000)[0] for value in (0.25, 1.0, 4.0))
     assert shy < usual < bold
 
 

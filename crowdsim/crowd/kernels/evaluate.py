@@ -3,6 +3,7 @@
 from crowdsim.crowd.kernels.layout import AHEAD
 from crowdsim.crowd.kernels.terms.collision_avoidance import avoid_collisions
 from crowdsim.crowd.kernels.terms.defence import defend
+from crowdsim.crowd.kernels.terms.facing import face_opponent
 from crowdsim.crowd.kernels.terms.guard import keep_guard
 from crowdsim.crowd.kernels.terms.look_up import look_up
 from crowdsim.crowd.kernels.terms.rest import seek_rest
@@ -27,5 +28,6 @@ def evaluate(model, avatars, world, now, due, count, observed, scratch):
         seek_rest(model, avatars, world, now, own, observed, q, scratch)
         weigh_strikes(model, avatars, world, now, own, observed, q, scratch)
         favour_stillness(model, avatars, world, now, own, observed, q, scratch)
+        face_opponent(model, avatars, world, now, own, observed, q, scratch)
         keep_guard(model, avatars, world, now, own, observed, q, scratch)
         keep_stance(model, avatars, world, now, own, observed, q, scratch)

@@ -7,12 +7,15 @@ from crowdsim.core.bodies import lands_on_posed_body
 from crowdsim.crowd.kernels.intents import is_resting
 from crowdsim.crowd.kernels.layout import FIGHTS, FLEES, FORESEEN
 from crowdsim.crowd.kernels.outcomes import ball_at
+from crowdsim.crowd.kernels.vetoes.strike_at_air import strikes_air
 from crowdsim.jit import kernel
 
 REST = 4.0  # what a strike costs an avatar that rests, in normalised values
 BOLDNESS = 0.2  # how much more a strike is worth to an avatar for each doubling of its aggression
 AIM = 2.0  # what a strike is worth that will land on a scripted target
 AIMED = 4.0  # distance up to which a scripted target is aimed at, as far as two actions and the target lead [m]
+AT_HAND = 1.2  # distance of an opponent beyond which strikes may end short of it [m]
+SHORT = 3.0  # what such a strike costs, as a multiple of ``Crowding.wasted``
 SET_UP = 0.6  # what an action is worth that such a strike can follow, of that
 AWAY, NEAR = -0.3, 2.0  # where an avatar does not see another: cosine of the bearing; and how near that one is [m]
 
@@ -22,8 +25,8 @@ def weigh_strikes(model, avatars, world, now, own, observed, q, scratch):
     """Add to the values of actions for each of their strikes.
 
     Strikes come in bursts. After a burst an avatar rests until it has recovered, and strikes cost it ``REST``
-    meanwhile, as they do while it watches or flees; and something where its opponent looks away. Those at a scripted
-    target are worth more that will land on it.
+    meanwhile, as they do while it watches or flees; and something where its opponent looks away, or is out of their
+    reach. Those at a scripted target are worth more that will land on it.
     """
     rests, bonus = is_resting(avatars, world, now.frame, own), 0.0
     if avatars.conditions.shape[0] > 0:
@@ -31,9 +34,23 @@ def weigh_strikes(model, avatars, world, now, own, observed, q, scratch):
         rests, bonus = rests or row.does_next != FIGHTS, BOLDNESS * row.aggression
     if avatars.fight[own].next_opponent <= -2 and world.crowding.at_air > 0.0:
         _aim_at_ball(model, avatars, world, now, own, scratch.values[q])
+    elif avatars.fight[own].next_opponent >= 0 and not rests:
+        _reach_opponent(model, avatars, world, now, own, observed, q, scratch)
     worth = -REST if rests else bonus - world.crowding.unseen * _is_unseen(avatars, now, own)
     if worth != 0.0:
         weigh_by_strikes(model, avatars, own, worth, scratch.values[q])
+
+
+@kernel(inline=True)
+def _reach_opponent(model, avatars, world, now, own, observed, q, scratch):
+    """Lower the values of strikes that end far from an avatar's opponent, where that one is not at hand."""
+    x, z = scratch.situations[q].x, scratch.situations[q].z
+    if x * x + z * z <= AT_HAND * AT_HAND:
+        return
+    state = model.actions[avatars.motion[own].action].next
+    for k in range(model.offsets[state + 1] - model.offsets[state]):
+        action = model.offsets[state] + k
+        scratch.values[q, k] -= SHORT * strikes_air(model, avatars, world, now, own, observed, q, action)
 
 
 @kernel(inline=True)

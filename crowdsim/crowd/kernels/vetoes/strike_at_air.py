@@ -5,7 +5,7 @@ from crowdsim.crowd.kernels.layout import Axis
 from crowdsim.crowd.kernels.lying import from_axis
 from crowdsim.jit import kernel
 
-AIR = 0.6  # how far from an opponent a strike is thrown at air [m]
+AIR = 0.5  # how far from an opponent a strike is thrown at air [m]
 
 
 @kernel(inline=True)
