@@ -21,10 +21,13 @@ from crowdsim.core.workers import share
 from crowdsim.errors import MotionError
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
+from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.skeleton import Skeleton
 
 HELPERS = 4
 """Helper joints, at elbows and knees."""
+_POSES = 200
+"""Poses from which a skin learns how its joints bend."""
 _SPACING = 0.0145
 """Of the grid on which the skin is found, for a body of the usual size [m]."""
 
@@ -104,12 +107,14 @@ class Skin:
         turned = _matrices(quaternion.conjugate(self.rotations))
         return np.concatenate([turned, -turned @ self.positions[:, :, None]], axis=2)
 
+    def straights(self) -> Array:
+        """Return the rotations of the helpers' parents in the frames of their joints, when bound. Shape (4, 4)."""
+        above = self.rotations[self.parents[self.helpers]]
+        return np.asarray(quaternion.multiply(quaternion.conjugate(self.rotations[self.helpers]), above))
+
     def helper_rotations(self, rotations: Array) -> Array:
         """Return rotations of helpers in their parents' frames (..., 4, 4) from local ones of joints (..., J, 4)."""
-        straight = quaternion.multiply(
-            quaternion.conjugate(self.rotations[self.helpers]), self.rotations[self.parents[self.helpers]]
-        )
-        bent = quaternion.multiply(np.asarray(rotations)[..., self.helpers, :], straight)
+        bent = quaternion.multiply(np.asarray(rotations)[..., self.helpers, :], self.straights())
         # Half of a rotation: the middle of it and none, on the shorter way.
         half = bent * np.where(bent[..., :1] < 0.0, -1.0, 1.0)
         half[..., 0] += 1.0
@@ -158,7 +163,9 @@ _skins: dict[bytes, Skin] = {}
 _building = threading.Lock()
 
 
-def build_skin(skeleton: Skeleton, body: Body, build: Build, poses: Array | None = None) -> Skin:
+def build_skin(
+    skeleton: Skeleton, body: Body, build: Build, poses: Array | None = None, coarseness: float = 1.0
+) -> Skin:
     """Return the skin of a body, made on the first call with these arguments; the last ``_MOST_SKINS`` are kept.
 
     Args:
@@ -166,11 +173,12 @@ def build_skin(skeleton: Skeleton, body: Body, build: Build, poses: Array | None
         body: The body on it.
         build: What it is like.
         poses: Local rotations of some poses, see ``binding.bind``. Shape (n, J, 4).
+        coarseness: How many times as long edges are, for bodies that are seen from far away.
 
     Raises:
         MotionError: The rest pose is no upright body, and no pose is given that is.
     """
-    digest = hashlib.sha256(repr((build, skeleton.names, sorted(body.roles.items()))).encode())
+    digest = hashlib.sha256(repr((build, coarseness, skeleton.names, sorted(body.roles.items()))).encode())
     for array in (skeleton.parents, skeleton.offsets, body.sole_offsets, body.fist_offsets, body.head_offset, poses):
         digest.update(b"" if array is None else np.ascontiguousarray(array).tobytes())
     key = digest.digest()
@@ -179,20 +187,27 @@ def build_skin(skeleton: Skeleton, body: Body, build: Build, poses: Array | None
             if skeleton.joint_count + HELPERS > _MOST_JOINTS:
                 most = _MOST_JOINTS - HELPERS
                 raise MotionError(f"the skeleton has {skeleton.joint_count} joints, expected {most} at most for a skin")
-            _skins[key] = _build(skeleton, body, build, poses)
+            _skins[key] = _build(skeleton, body, build, poses, coarseness)
             while len(_skins) > _MOST_SKINS:
                 del _skins[next(iter(_skins))]
         return _skins[key]
 
 
-def _build(skeleton: Skeleton, body: Body, build: Build, poses: Array | None) -> Skin:
+def build_skin_of(database: MotionDatabase, build: Build, coarseness: float = 1.0) -> Skin:
+    """Return the skin of the body of a motion database, which learns from its poses how joints bend."""
+    rotations = database.rotations
+    some = np.asarray(rotations[:: max(1, len(rotations) // _POSES)][:_POSES])
+    return build_skin(database.skeleton, database.body, build, some, coarseness)
+
+
+def _build(skeleton: Skeleton, body: Body, build: Build, poses: Array | None, coarseness: float) -> Skin:
     binding = bind(skeleton, body, poses)
     shapes, names = sculpt(binding, build)
-    spacing = _SPACING * binding.size
+    spacing = _SPACING * binding.size * coarseness
     values, low = sample(shapes, spacing)
     vertices, triangles = surface_nets(values, low, spacing)
     vertices = relax(shapes, vertices, triangles, 2)
-    wanted = wanted_lengths(binding, build)
+    wanted = wanted_lengths(binding, build, coarseness)
     for _ in range(2):
         vertices, triangles = refine(vertices, triangles, wanted)
         vertices = relax(shapes, vertices, triangles, 1)

@@ -26,7 +26,7 @@ import numpy as np
 from crowdsim.body.anatomy import Build
 from crowdsim.body.looks import colours, linear, roughness, usual_build
 from crowdsim.body.parts import SKIN_PARTS
-from crowdsim.body.skin import HELPERS, Skin, build_skin
+from crowdsim.body.skin import HELPERS, Skin, build_skin_of
 from crowdsim.core.types import Array, Progress
 from crowdsim.crowd.events import OUTCOMES
 from crowdsim.errors import OutputError
@@ -50,8 +50,6 @@ _LARGEST = 2**32 - 1
 """Bytes of a binary glTF file at the most, whose header counts them in 32 bits."""
 _STILL = 1e-5
 """By how much the quaternion of a joint that never moves may vary, which is what resampling leaves."""
-_POSES = 200
-"""Poses from which a skin learns how its joints bend."""
 
 
 class GltfSink:
@@ -286,9 +284,7 @@ class GltfSink:
     ) -> tuple[Skin, dict[str, int], list[tuple[int, int]]]:
         """Add the vertices of a shape; what shapes of one build share is there once."""
         database = self._sampler.policies[policy].database
-        rotations = getattr(database, "rotations", None)
-        some = None if rotations is None else np.asarray(rotations[:: max(1, len(rotations) // _POSES)][:_POSES])
-        skin = build_skin(database.skeleton, database.body, build, some).shaped(girth, lengths)
+        skin = build_skin_of(database, build).shaped(girth, lengths)
         alike = next((value for key, value in known.items() if key[:2] == (policy, build)), None)
         if alike is None:
             shared = {
