@@ -70,16 +70,18 @@ class Skin:
     thickens: Array
     girth: float
 
-    def shaped(self, girth: float, lengths: Array) -> Skin:
-        """Return the skin of an avatar of another girth and other lengths of bones, in the same binding pose.
+    def growth(self, girth: float, lengths: Array) -> tuple[Array, Array]:
+        """Return what an avatar of another girth and other lengths of bones has instead, in the same binding pose.
 
         Args:
             girth: How thick its trunk and limbs are.
             lengths: How long the bones of each joint are for the size of its body. Shape (J,).
+
+        Returns:
+            Positions of joints and helpers, shape (J + 4, 3) [m]; and what takes the skin that each of them carries
+            into its new shape, shape (J + 4, 3, 4).
         """
         own, joints = girth / self.girth, len(self.parents)
-        if own == 1.0 and (lengths == 1.0).all():
-            return self
         positions = self.positions.copy()
         for index, parent in enumerate(self.parents):
             if parent >= 0:
@@ -91,12 +93,20 @@ class Skin:
         ways = quaternion.rotate(self.rotations, self.axes)
         grown = wide * np.eye(3) + (long - wide) * ways[:, :, None] * ways[:, None, :]
         moves = positions - np.einsum("kij,kj->ki", grown, self.positions)
+        return positions, np.concatenate([grown, moves[:, :, None]], axis=2)
+
+    def shaped(self, girth: float, lengths: Array) -> Skin:
+        """Return the skin of an avatar of another girth and other lengths of bones, see ``growth``."""
+        if girth == self.girth and (lengths == 1.0).all():
+            return self
+        positions, grown = self.growth(girth, lengths)
         vertices = np.zeros((len(self.vertices), 3))
         normals = np.zeros_like(vertices)
-        steep = np.linalg.inv(grown)
+        steep = np.linalg.inv(grown[:, :, :3])
         for column in range(self.joints.shape[1]):
             joint, weight = self.joints[:, column], self.weights[:, column, None]
-            vertices += weight * (np.einsum("vij,vj->vi", grown[joint], self.vertices) + moves[joint])
+            moved = np.einsum("vij,vj->vi", grown[joint, :, :3], self.vertices) + grown[joint, :, 3]
+            vertices += weight * moved
             normals += weight * np.einsum("vij,vj->vi", steep[joint], self.normals)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         shape = vertices.astype(np.float32), normals.astype(np.float32)
