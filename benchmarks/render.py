@@ -10,7 +10,8 @@ wall time.
 
 ``commands`` are whole commands in a fresh process each, its start and the opening of the run included: the first
 picture of ``crowd_10k`` and ``crowd_100k``, with kernels compiled before and with none (``cold``), and 100 pictures of
-``crowd_10k``; wall and CPU time and the most memory that the process holds.
+``crowd_10k``; wall and CPU time and the most memory that the process holds. 300 pictures of ``brawl_30`` with each
+figure: ``body``, and ``capsules`` beside it.
 
 Open3D draws the same bodies as one mesh per avatar, posed by numpy, without shadows, and its pictures go through the
 same encoder; it runs in a process of its own, since missing system libraries crash it. ``fps_30`` is null where it
@@ -66,6 +67,7 @@ class Sizes(NamedTuple):
         memory: Frames over which memory is watched, a multiple of ten.
         crowd: Options of ``crowdsim run`` for the crowds of whole commands.
         first: The frame whose picture is the first one, and how many pictures follow one another.
+        brawl: Frames of 30 boxers with each figure.
     """
 
     picture: tuple[int, int] = (1280, 720)
@@ -75,10 +77,11 @@ class Sizes(NamedTuple):
     memory: int = 1000
     crowd: tuple[str, ...] = ()
     first: int = 100
+    brawl: int = 300
 
 
 QUICK = Sizes(
-    (160, 90), {"30": 3, "1000": 6, "10000": 9}, (3, 3, 3), 2, 20, ("--frames", "10", "--fraction", "0.0005"), 5
+    (160, 90), {"30": 3, "1000": 6, "10000": 9}, (3, 3, 3), 2, 20, ("--frames", "10", "--fraction", "0.0005"), 5, 5
 )
 """Sizes of a quick run; figures keep the names of what they are figures of."""
 THREADS = os.cpu_count() or 1
@@ -136,6 +139,14 @@ def commands(sizes: Sizes) -> dict[str, dict[str, dict[str, float]]]:
             outcome[count] = warm_and_cold(folder, *pictures, f"{sizes.first}:{sizes.first + 1}")
             if count == "10000":
                 outcome[count]["many"] = whole_command(*pictures, f"0:{sizes.first}", "--out", str(folder / "many"))
+    with tempfile.TemporaryDirectory() as name:
+        folder, size = Path(name), drawn[2]
+        whole_command("run", "brawl_30", "--out", str(folder / "run"))
+        video = ("render", str(folder / "run"), "--size", size, "--frames", f"0:{sizes.brawl}", "--figure")
+        whole_command(*video, "body", "--out", str(folder / "before"))  # what it compiles is there later
+        outcome["30"] = {
+            figure: whole_command(*video, figure, "--out", str(folder / figure)) for figure in ("capsules", "body")
+        }
     return outcome
 
 
@@ -258,7 +269,13 @@ def main() -> None:
     print(f"the paper, 30 boxers: {PAPER:.0f} frames/s")
     for count, rows in outcome["commands"].items():
         for row, one in rows.items():
-            what = {"warm": "first picture", "cold": "nothing compiled", "many": f"{sizes.first} pictures"}[row]
+            what = {
+                "warm": "first picture",
+                "cold": "nothing compiled",
+                "many": f"{sizes.first} pictures",
+                "capsules": f"video of {sizes.brawl} frames, capsules",
+                "body": f"video of {sizes.brawl} frames, bodies",
+            }[row]
             seconds, peak = one["wall_seconds"], one["peak_bytes"] / 1e9
             line = f"{seconds:.1f} s, {one['cpu_seconds']:.0f} CPU-seconds, {peak:.2f} GB"
             print(f"{int(count):,} boxers, {what}: {line}")

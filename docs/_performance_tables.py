@@ -106,6 +106,8 @@ def waiting(results: Results) -> list[str]:
         return [what, *(results.cell(form, benchmark, "commands", *keys, key) for key, form in shown)]
 
     rows = [
+        row("`brawl_30`, video of 300 frames, bodies", "render", "30", "body"),
+        row("the same, capsules", "render", "30", "capsules"),
         row("`crowd_10k`, first picture", "render", "10000", "warm"),
         row("the same, nothing compiled", "render", "10000", "cold"),
         row("`crowd_10k`, 100 pictures", "render", "10000", "many"),

@@ -33,7 +33,8 @@ KEYS = {
     ],
     "render": [
         "fps.30", "fps.1000", "fps.10000", "open3d.fps_30", "memory.growth_mib",
-        *(f"commands.{row}.{key}" for row in ("10000.warm", "10000.cold", "10000.many", "100000.warm", "100000.cold")
+        *(f"commands.{row}.{key}" for row in ("10000.warm", "10000.cold", "10000.many", "100000.warm", "100000.cold",
+                                              "30.body", "30.capsules")
           for key in ("wall_seconds", "cpu_seconds", "peak_bytes")),
     ],
     "training": [

@@ -13,7 +13,7 @@ from crowdsim.core.types import Array
 _GOLDEN = 0.6180339887498949
 _HUES = (0.995, 0.605, 0.12, 0.40, 0.77, 0.53, 0.065, 0.90, 0.25, 0.69)
 _SKINS = ((0.87, 0.66, 0.53), (0.76, 0.55, 0.42), (0.58, 0.40, 0.29), (0.40, 0.27, 0.20), (0.82, 0.61, 0.47))
-_HAIR = ((0.09, 0.07, 0.06), (0.17, 0.11, 0.07), (0.06, 0.05, 0.05), (0.30, 0.20, 0.11), (0.24, 0.15, 0.09))
+HAIR = ((0.09, 0.07, 0.06), (0.17, 0.11, 0.07), (0.06, 0.05, 0.05), (0.30, 0.20, 0.11), (0.24, 0.15, 0.09))
 _ROUGHNESS = {
     "skin": 0.55,
     "lips": 0.45,
@@ -44,7 +44,7 @@ def colours(avatar: int, team: int, colour: Array | None = None) -> Array:
     if colour is not None and np.isfinite(colour).all():
         hue, strong, bright = colorsys.rgb_to_hsv(*(float(value) for value in colour))
     kind = (avatar * 3 + avatar // 5) % len(_SKINS)
-    skin, hair = np.array(_SKINS[kind]), np.array(_HAIR[(avatar + kind) % len(_HAIR)])
+    skin, hair = np.array(_SKINS[kind]), np.array(HAIR[(avatar + kind) % len(HAIR)])
     cloth = np.array(colorsys.hsv_to_rgb(hue, strong, bright))
     light = np.array(colorsys.hsv_to_rgb(hue, 0.12 * strong, 0.92))
     of = {

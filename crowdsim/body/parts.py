@@ -24,7 +24,7 @@ _HAIRLINE = {
 """Height over the middle of the head of the line where hair begins, by how far to the front [cm]."""
 
 
-def wanted_lengths(binding: Binding, build: Build) -> Callable[[Array], Array]:
+def wanted_lengths(binding: Binding, build: Build, coarseness: float = 1.0) -> Callable[[Array], Array]:
     """Return how long edges should be at points [m]: short in the face and at hands, long at the trunk."""
     size, segments = binding.size, binding.segments
     head = segments["head"].start
@@ -50,7 +50,7 @@ def wanted_lengths(binding: Binding, build: Build) -> Callable[[Array], Array]:
         for centre, radius, length in spots:
             beyond = np.maximum(np.linalg.norm(points - centre, axis=1) - radius * size, 0.0)
             np.minimum(found, length * size + 0.28 * beyond, out=found)
-        return found
+        return found * coarseness
 
     return lengths
 

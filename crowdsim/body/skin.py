@@ -21,10 +21,13 @@ from crowdsim.core.workers import share
 from crowdsim.errors import MotionError
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
+from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.skeleton import Skeleton
 
 HELPERS = 4
 """Helper joints, at elbows and knees."""
+_POSES = 200
+"""Poses from which a skin learns how its joints bend."""
 _SPACING = 0.0145
 """Of the grid on which the skin is found, for a body of the usual size [m]."""
 
@@ -67,16 +70,18 @@ class Skin:
     thickens: Array
     girth: float
 
-    def shaped(self, girth: float, lengths: Array) -> Skin:
-        """Return the skin of an avatar of another girth and other lengths of bones, in the same binding pose.
+    def growth(self, girth: float, lengths: Array) -> tuple[Array, Array]:
+        """Return what an avatar of another girth and other lengths of bones has instead, in the same binding pose.
 
         Args:
             girth: How thick its trunk and limbs are.
             lengths: How long the bones of each joint are for the size of its body. Shape (J,).
+
+        Returns:
+            Positions of joints and helpers, shape (J + 4, 3) [m]; and what takes the skin that each of them carries
+            into its new shape, shape (J + 4, 3, 4).
         """
         own, joints = girth / self.girth, len(self.parents)
-        if own == 1.0 and (lengths == 1.0).all():
-            return self
         positions = self.positions.copy()
         for index, parent in enumerate(self.parents):
             if parent >= 0:
@@ -88,12 +93,20 @@ class Skin:
         ways = quaternion.rotate(self.rotations, self.axes)
         grown = wide * np.eye(3) + (long - wide) * ways[:, :, None] * ways[:, None, :]
         moves = positions - np.einsum("kij,kj->ki", grown, self.positions)
+        return positions, np.concatenate([grown, moves[:, :, None]], axis=2)
+
+    def shaped(self, girth: float, lengths: Array) -> Skin:
+        """Return the skin of an avatar of another girth and other lengths of bones, see ``growth``."""
+        if girth == self.girth and (lengths == 1.0).all():
+            return self
+        positions, grown = self.growth(girth, lengths)
         vertices = np.zeros((len(self.vertices), 3))
         normals = np.zeros_like(vertices)
-        steep = np.linalg.inv(grown)
+        steep = np.linalg.inv(grown[:, :, :3])
         for column in range(self.joints.shape[1]):
             joint, weight = self.joints[:, column], self.weights[:, column, None]
-            vertices += weight * (np.einsum("vij,vj->vi", grown[joint], self.vertices) + moves[joint])
+            moved = np.einsum("vij,vj->vi", grown[joint, :, :3], self.vertices) + grown[joint, :, 3]
+            vertices += weight * moved
             normals += weight * np.einsum("vij,vj->vi", steep[joint], self.normals)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         shape = vertices.astype(np.float32), normals.astype(np.float32)
@@ -104,12 +117,14 @@ class Skin:
         turned = _matrices(quaternion.conjugate(self.rotations))
         return np.concatenate([turned, -turned @ self.positions[:, :, None]], axis=2)
 
+    def straights(self) -> Array:
+        """Return the rotations of the helpers' parents in the frames of their joints, when bound. Shape (4, 4)."""
+        above = self.rotations[self.parents[self.helpers]]
+        return np.asarray(quaternion.multiply(quaternion.conjugate(self.rotations[self.helpers]), above))
+
     def helper_rotations(self, rotations: Array) -> Array:
         """Return rotations of helpers in their parents' frames (..., 4, 4) from local ones of joints (..., J, 4)."""
-        straight = quaternion.multiply(
-            quaternion.conjugate(self.rotations[self.helpers]), self.rotations[self.parents[self.helpers]]
-        )
-        bent = quaternion.multiply(np.asarray(rotations)[..., self.helpers, :], straight)
+        bent = quaternion.multiply(np.asarray(rotations)[..., self.helpers, :], self.straights())
         # Half of a rotation: the middle of it and none, on the shorter way.
         half = bent * np.where(bent[..., :1] < 0.0, -1.0, 1.0)
         half[..., 0] += 1.0
@@ -158,7 +173,9 @@ _skins: dict[bytes, Skin] = {}
 _building = threading.Lock()
 
 
-def build_skin(skeleton: Skeleton, body: Body, build: Build, poses: Array | None = None) -> Skin:
+def build_skin(
+    skeleton: Skeleton, body: Body, build: Build, poses: Array | None = None, coarseness: float = 1.0
+) -> Skin:
     """Return the skin of a body, made on the first call with these arguments; the last ``_MOST_SKINS`` are kept.
 
     Args:
@@ -166,11 +183,12 @@ def build_skin(skeleton: Skeleton, body: Body, build: Build, poses: Array | None
         body: The body on it.
         build: What it is like.
         poses: Local rotations of some poses, see ``binding.bind``. Shape (n, J, 4).
+        coarseness: How many times as long edges are, for bodies that are seen from far away.
 
     Raises:
         MotionError: The rest pose is no upright body, and no pose is given that is.
     """
-    digest = hashlib.sha256(repr((build, skeleton.names, sorted(body.roles.items()))).encode())
+    digest = hashlib.sha256(repr((build, coarseness, skeleton.names, sorted(body.roles.items()))).encode())
     for array in (skeleton.parents, skeleton.offsets, body.sole_offsets, body.fist_offsets, body.head_offset, poses):
         digest.update(b"" if array is None else np.ascontiguousarray(array).tobytes())
     key = digest.digest()
@@ -179,20 +197,27 @@ def build_skin(skeleton: Skeleton, body: Body, build: Build, poses: Array | None
             if skeleton.joint_count + HELPERS > _MOST_JOINTS:
                 most = _MOST_JOINTS - HELPERS
                 raise MotionError(f"the skeleton has {skeleton.joint_count} joints, expected {most} at most for a skin")
-            _skins[key] = _build(skeleton, body, build, poses)
+            _skins[key] = _build(skeleton, body, build, poses, coarseness)
             while len(_skins) > _MOST_SKINS:
                 del _skins[next(iter(_skins))]
         return _skins[key]
 
 
-def _build(skeleton: Skeleton, body: Body, build: Build, poses: Array | None) -> Skin:
+def build_skin_of(database: MotionDatabase, build: Build, coarseness: float = 1.0) -> Skin:
+    """Return the skin of the body of a motion database, which learns from its poses how joints bend."""
+    rotations = database.rotations
+    some = np.asarray(rotations[:: max(1, len(rotations) // _POSES)][:_POSES])
+    return build_skin(database.skeleton, database.body, build, some, coarseness)
+
+
+def _build(skeleton: Skeleton, body: Body, build: Build, poses: Array | None, coarseness: float) -> Skin:
     binding = bind(skeleton, body, poses)
     shapes, names = sculpt(binding, build)
-    spacing = _SPACING * binding.size
+    spacing = _SPACING * binding.size * coarseness
     values, low = sample(shapes, spacing)
     vertices, triangles = surface_nets(values, low, spacing)
     vertices = relax(shapes, vertices, triangles, 2)
-    wanted = wanted_lengths(binding, build)
+    wanted = wanted_lengths(binding, build, coarseness)
     for _ in range(2):
         vertices, triangles = refine(vertices, triangles, wanted)
         vertices = relax(shapes, vertices, triangles, 1)

@@ -48,6 +48,9 @@ def render(
         str, typer.Option(metavar="NAME", help="day, dark, studio, white, black, green or a colour as '#rrggbb'.")
     ] = "day",
     light: Annotated[str, typer.Option(metavar="NAME", help="day, soft, evening or night.")] = "day",
+    figure: Annotated[
+        str, typer.Option(metavar="auto|body|capsules", help="What avatars are seen as; auto: bodies from near.")
+    ] = "auto",
     transparent: Annotated[bool, typer.Option("--transparent", help="PNG of the figures alone.")] = False,
     caption: Annotated[bool, typer.Option(help="A small caption in the picture.")] = True,
     motion_blur: Annotated[
@@ -78,7 +81,7 @@ def render(
         mp4=mp4 or not (png or contact_sheet),
         png=png,
         contact_sheet=contact_sheet,
-        look=Look(marks, grid, background, light, transparent, caption, motion_blur),
+        look=Look(marks, grid, background, light, transparent, caption, motion_blur, figure),
         shots=() if shots is None else read_shots(shots),
         threads=threads,
         jobs=jobs,

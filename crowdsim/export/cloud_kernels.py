@@ -3,6 +3,7 @@
 import math
 from typing import NamedTuple
 
+from crowdsim.body.kernels import carry_skin
 from crowdsim.core.types import Array
 from crowdsim.jit import kernel
 
@@ -28,6 +29,46 @@ class Riders(NamedTuple):
     swells: Array
     cores: Array
     segments: Array
+
+
+class SkinRiders(NamedTuple):
+    """Points on the triangles of a skin, each between three corners; K points.
+
+    Attributes:
+        joints: Joints and helpers that carry each corner. Shape (K, 3, 4).
+        weights: How much. Shape (K, 3, 4).
+        positions: Corners in the binding pose [m]. Shape (K, 3, 3).
+        normals: Their normals. Shape (K, 3, 3).
+        shares: Share of each corner. Shape (K, 3).
+        labels: Joint that each point is counted to. Shape (K,).
+    """
+
+    joints: Array
+    weights: Array
+    positions: Array
+    normals: Array
+    shares: Array
+    labels: Array
+
+
+class Frames(NamedTuple):
+    """What carries the skin of an avatar; C joints and helpers.
+
+    Attributes:
+        growths: From the skin as built to that of the avatar, in the binding pose. Shape (C, 3, 4).
+        slopes: Inverses of their linear part, which normals follow, transposed. Shape (C, 3, 3).
+        bindings: From the binding pose into the frames of joints and helpers. Shape (C, 3, 4).
+        parents: Parent of each joint. Shape (J,).
+        helpers: Elbow or knee of each helper. Shape (C - J,).
+        straights: From the frame of a helper's joint to its parent's in the binding pose. Shape (C - J, 4).
+    """
+
+    growths: Array
+    slopes: Array
+    bindings: Array
+    parents: Array
+    helpers: Array
+    straights: Array
 
 
 class Bodies(NamedTuple):
@@ -89,13 +130,19 @@ def _matrix(q, scale):
     )  # fmt: skip
 
 
+@kernel(inline=True)
+def _neighbours(bodies, when, n):
+    """Return the rows between which an avatar's velocity is taken, and by how much differences count [1/s]."""
+    low = when.before if math.isfinite(bodies.positions[when.before, n, 0, 0]) else when.frame
+    high = when.after if math.isfinite(bodies.positions[when.after, n, 0, 0]) else when.frame
+    return low, high, 1.0 / (when.seconds * (high - low)) if high > low else 0.0
+
+
 @kernel(allocates=False)
 def _measure_joints(bodies, when, n, motions):
     """Write how an avatar's joints carry their points: position and normal matrices, velocity matrix and shift."""
     frame = when.frame
-    low = when.before if math.isfinite(bodies.positions[when.before, n, 0, 0]) else frame
-    high = when.after if math.isfinite(bodies.positions[when.after, n, 0, 0]) else frame
-    rate = 1.0 / (when.seconds * (high - low)) if high > low else 0.0
+    low, high, rate = _neighbours(bodies, when, n)
     scale = float(bodies.scales[n])
     for j in range(motions.shape[0]):
         rotation = _matrix(bodies.rotations[frame, n, j], 1.0)
@@ -146,3 +193,77 @@ def place_points(bodies, when, wanted, riders, motions, values, labels):
                 value[6 + k] = motion[18 + k] + (x * own[0] + y * own[1] + z * own[2])
             label[0], label[1], label[2] = wanted.numbers[c], wanted.teams[c], j
             row += 1
+
+
+@kernel(inline=True)
+def _apply(matrix, x, y, z):
+    """Return a point that a matrix (3, 4) has moved."""
+    return (
+        matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z + matrix[0, 3],
+        matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z + matrix[1, 3],
+        matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z + matrix[2, 3],
+    )
+
+
+@kernel(allocates=False)
+def place_skin_points(bodies, when, n, riders, frames, matrices, values, labels):
+    """Put the points on the skin of an avatar into the world, with normals, velocities and joints.
+
+    Velocities are as of ``place_points``.
+
+    Args:
+        bodies: A ``Bodies``.
+        when: A ``When``.
+        n: Which of the bodies it is.
+        riders: A ``SkinRiders``.
+        frames: A ``Frames``.
+        matrices: Scratch. Shape (3, C, 3, 4).
+        values: Written: position [m], normal, velocity [m/s] of every point. Shape (K, 9).
+        labels: Written in its last column: joint of every point. Shape (K, 3).
+    """
+    low, high, rate = _neighbours(bodies, when, n)
+    for part in range(3):
+        row = when.frame if part == 0 else (low if part == 1 else high)
+        carry_skin(
+            bodies.positions[row, n],
+            bodies.rotations[row, n],
+            float(bodies.scales[n]),
+            frames.bindings,
+            frames.parents,
+            frames.helpers,
+            frames.straights,
+            matrices[part],
+        )
+    for i in range(riders.shares.shape[0]):
+        value = values[i]
+        for k in range(9):
+            value[k] = 0.0
+        for corner in range(3):
+            share = riders.shares[i, corner]
+            at, normal = riders.positions[i, corner], riders.normals[i, corner]
+            x, y, z, u, v, w, p, q, r = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for slot in range(4):
+                joint, weight = riders.joints[i, corner, slot], float(riders.weights[i, corner, slot])
+                a, b, c = _apply(frames.growths[joint], float(at[0]), float(at[1]), float(at[2]))
+                x, y, z = x + weight * a, y + weight * b, z + weight * c
+                slope = frames.slopes[joint]
+                u += weight * (slope[0, 0] * normal[0] + slope[0, 1] * normal[1] + slope[0, 2] * normal[2])
+                v += weight * (slope[1, 0] * normal[0] + slope[1, 1] * normal[1] + slope[1, 2] * normal[2])
+                w += weight * (slope[2, 0] * normal[0] + slope[2, 1] * normal[1] + slope[2, 2] * normal[2])
+            for slot in range(4):
+                joint, weight = riders.joints[i, corner, slot], float(riders.weights[i, corner, slot])
+                here = matrices[0, joint]
+                before, after = _apply(matrices[1, joint], x, y, z), _apply(matrices[2, joint], x, y, z)
+                place = _apply(here, x, y, z)
+                for k in range(3):
+                    value[k] += share * weight * place[k]
+                    value[6 + k] += share * weight * rate * (after[k] - before[k])
+                p += weight * (here[0, 0] * u + here[0, 1] * v + here[0, 2] * w)
+                q += weight * (here[1, 0] * u + here[1, 1] * v + here[1, 2] * w)
+                r += weight * (here[2, 0] * u + here[2, 1] * v + here[2, 2] * w)
+            share /= max(math.sqrt(p * p + q * q + r * r), 1e-12)
+            value[3], value[4], value[5] = value[3] + share * p, value[4] + share * q, value[5] + share * r
+        length = max(math.sqrt(value[3] * value[3] + value[4] * value[4] + value[5] * value[5]), 1e-12)
+        for k in range(3):
+            value[3 + k] /= length
+        labels[i, 2] = riders.labels[i]

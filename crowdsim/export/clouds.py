@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
@@ -28,6 +28,9 @@ class CloudOutput(PosedOutput):
 
     every: int = Field(default=1, ge=1, le=1_000_000, description="Write every n-th output frame.")
     points: int = Field(default=500, ge=1, le=100_000, description="Points per avatar.")
+    surface: Literal["capsules", "body"] = Field(
+        default="capsules", description="What points lie on: `capsules`, or the skin of the `body`."
+    )
 
     @classmethod
     def posed_pattern(cls) -> str:
@@ -58,4 +61,6 @@ class CloudOutput(PosedOutput):
         first, stop = self.frames_of(extent_of(sampler.take))
         if missing:
             first = min(int(Path(name).stem) for name in missing)
-        return CloudSink(sampler, folder, self.name, self.rate, self.points, (first, stop), self.every, self.numbers)
+        return CloudSink(
+            sampler, folder, self.name, self.rate, self.points, (first, stop), self.every, self.numbers, self.surface
+        )

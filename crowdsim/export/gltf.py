@@ -14,7 +14,7 @@ import os
 import struct
 import threading
 import uuid
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from fractions import Fraction
@@ -26,7 +26,7 @@ import numpy as np
 from crowdsim.body.anatomy import Build
 from crowdsim.body.looks import colours, linear, roughness, usual_build
 from crowdsim.body.parts import SKIN_PARTS
-from crowdsim.body.skin import HELPERS, Skin, build_skin
+from crowdsim.body.skin import HELPERS, Skin, build_skin_of
 from crowdsim.core.types import Array, Progress
 from crowdsim.crowd.events import OUTCOMES
 from crowdsim.errors import OutputError
@@ -50,8 +50,31 @@ _LARGEST = 2**32 - 1
 """Bytes of a binary glTF file at the most, whose header counts them in 32 bits."""
 _STILL = 1e-5
 """By how much the quaternion of a joint that never moves may vary, which is what resampling leaves."""
-_POSES = 200
-"""Poses from which a skin learns how its joints bend."""
+
+
+@dataclass(frozen=True)
+class CameraPath:
+    """A camera that comes along, at every output frame of a file.
+
+    Attributes:
+        name: Its name.
+        positions: Where the eye is [m]. Shape (F, 3).
+        rotations: From a camera that looks along -z, with y up, to this one. Shape (F, 4).
+        field: Angle between the upper and lower edge of the picture [rad].
+        aspect: Width of the picture for its height.
+    """
+
+    name: str
+    positions: Array
+    rotations: Array
+    field: float
+    aspect: float
+
+
+_FILES_AT_ONCE = 128
+"""Files that are open at once where each avatar has one of its own."""
+_BALL, _BALL_COLOUR = 0.13, [0.85, 0.50, 0.03, 1.0]
+"""Radius [m] and linear colour of scripted targets, as in pictures."""
 
 
 class GltfSink:
@@ -65,6 +88,7 @@ class GltfSink:
         avatars: Numbers of the avatars; all when None.
         rotations: ``float32``, or ``int16``, which takes half the place.
         builds: Build of each avatar of the take; by its girth when None.
+        cameras: Cameras that come along, which have as many frames as the file.
 
     Raises:
         OutputError: The file would be larger than glTF files can be.
@@ -83,6 +107,7 @@ class GltfSink:
         avatars: Sequence[int] | Array | None = None,
         rotations: str = "float32",
         builds: Sequence[Build] | None = None,
+        cameras: Sequence[CameraPath] = (),
     ) -> None:
         take = sampler.take
         self.start, self.stop = frames or (0, take.output_frames(float(fps)))
@@ -95,7 +120,7 @@ class GltfSink:
         self._builds = [usual_build(girth) for girth in girths] if builds is None else list(builds)
         self._places: dict[int, _Place] = {}
         self._stills: dict[int, tuple[Array, Array]] = {}
-        self._rows = 0
+        self._rows, self._cameras = 0, cameras
         self._shared = _Shared(path, self._describe(there))
 
     @property
@@ -197,6 +222,9 @@ class GltfSink:
             scale = float(cast.scales[number])
             first, joints = len(document.nodes), skeleton.joint_count
             extras = {"avatar": number, "sex": build.sex, "build": build.kind}
+            lost = self._health_lost(number)
+            if lost:
+                extras["health_lost"] = lost
             for key_, names, index in (("team", teams, "teams"), ("type", getattr(cast, "type_names", ()), "types")):
                 if len(names):
                     extras[key_] = str(names[int(getattr(cast, index)[number])])
@@ -255,6 +283,9 @@ class GltfSink:
                 shown = np.where(rows[changes], np.float32(scale), np.float32(0.0))
                 moments = document.add(_times(changes, self._fps), limits=True)
                 animate(first, "scale", document.add(np.repeat(shown[:, None], 3, axis=1)), moments, steps=True)
+        self._add_targets(document, animate)
+        for camera in self._cameras:
+            document.add_camera(camera, animate)
         document.json["animations"] = [{"name": str(take.scenario), "samplers": samplers, "channels": channels}]
         document.json["scenes"][0]["extras"] = self._extras(there)
         document.json["scenes"][0]["name"] = str(take.scenario)
@@ -286,9 +317,7 @@ class GltfSink:
     ) -> tuple[Skin, dict[str, int], list[tuple[int, int]]]:
         """Add the vertices of a shape; what shapes of one build share is there once."""
         database = self._sampler.policies[policy].database
-        rotations = getattr(database, "rotations", None)
-        some = None if rotations is None else np.asarray(rotations[:: max(1, len(rotations) // _POSES)][:_POSES])
-        skin = build_skin(database.skeleton, database.body, build, some).shaped(girth, lengths)
+        skin = build_skin_of(database, build).shaped(girth, lengths)
         alike = next((value for key, value in known.items() if key[:2] == (policy, build)), None)
         if alike is None:
             shared = {
@@ -312,12 +341,45 @@ class GltfSink:
         }
         return skin, attributes, primitives
 
+    def _seconds(self) -> Array:
+        """Return the time of every strike of the take from the first frame of the file on [s]."""
+        take = self._sampler.take
+        return np.asarray(take.events.frame, float) / take.control_rate - float(self.start / self._fps)
+
+    def _health_lost(self, avatar: int) -> list[list[float]]:
+        """Return what strikes have taken from an avatar's health so far, at each that did: seconds and points."""
+        events, seconds = self._sampler.take.events, self._seconds()
+        hurt = (np.asarray(events.victim) == avatar) & (np.asarray(events.damage) > 0.0)
+        hurt &= seconds <= float((self._frames - 1) / self._fps)
+        rows = np.flatnonzero(hurt)[np.argsort(seconds[hurt], kind="stable")]
+        points = np.cumsum(np.asarray(events.damage, float)[rows])
+        # What was lost before the first frame is lost there.
+        times, last = np.unique(np.maximum(np.round(seconds[rows], 4), 0.0)[::-1], return_index=True)
+        return [[float(time), round(float(value), 3)] for time, value in zip(times, points[::-1][last], strict=True)]
+
+    def _add_targets(self, document: _Document, animate: Callable[[int, str, int], None]) -> None:
+        """Add a ball for each scripted target."""
+        take = self._sampler.take
+        control = np.arange(self.start, self.stop) / float(self._fps) * take.control_rate
+        control = np.minimum(control, take.frame_count - 1)
+        before = np.floor(control + 1e-9).astype(np.int64)
+        rows = np.asarray(take.targets[int(before[0]) : int(before[-1]) + 2], float)
+        low = before - before[0]
+        high = np.minimum(low + 1, len(rows) - 1)
+        places = rows[low] + np.maximum(control - before, 0.0)[:, None, None] * (rows[high] - rows[low])
+        for number in range(places.shape[1]):
+            if number == 0:
+                ball = document.add_ball(_BALL)
+            document.nodes.append({"name": f"target_{number}", "mesh": ball})
+            document.json["scenes"][0]["nodes"].append(len(document.nodes) - 1)
+            animate(len(document.nodes) - 1, "translation", document.add(places[:, number].astype("<f4")))
+
     def _extras(self, there: dict[int, Array]) -> dict[str, Any]:
         """What a scene says of its crowd: rate, first frame and the strikes of its frames, seconds from its start."""
         take = self._sampler.take
         found: dict[str, Any] = {"fps": str(self._fps), "first_frame": self.start, "seed": int(take.seed)}
         events = take.events
-        seconds = np.asarray(events.frame, float) / take.control_rate - float(self.start / self._fps)
+        seconds = self._seconds()
         inside = (seconds >= 0.0) & (seconds <= float((self._frames - 1) / self._fps))
         inside &= np.isin(np.asarray(events.attacker), list(there))
         found["strikes"] = [
@@ -402,6 +464,49 @@ class _Document:
         self.size += -(-each * count // 4) * 4
         last = len(self.json["accessors"])
         return list(range(last - count, last)), start
+
+    def add_camera(self, camera: CameraPath, animate: Callable[[int, str, int], None]) -> None:
+        """Add a camera, a node that moves, at the root of the scene."""
+        cameras = self.json.setdefault("cameras", [])
+        cameras.append({
+            "name": camera.name,
+            "type": "perspective",
+            "perspective": {"aspectRatio": round(camera.aspect, 6), "yfov": round(camera.field, 6), "znear": 0.05},
+        })  # fmt: skip
+        self.nodes.append({"name": camera.name, "camera": len(cameras) - 1})
+        self.json["scenes"][0]["nodes"].append(len(self.nodes) - 1)
+        rotations = quaternion.continuous(camera.rotations)[:, [1, 2, 3, 0]]
+        animate(len(self.nodes) - 1, "translation", self.add(camera.positions.astype("<f4")))
+        animate(len(self.nodes) - 1, "rotation", self.add(rotations.astype("<f4")))
+
+    def add_ball(self, radius: float) -> int:
+        """Add a ball as a mesh, and return it."""
+        rings, around = 9, 16
+        down, turn = (
+            grid.ravel()
+            for grid in np.meshgrid(np.linspace(0, np.pi, rings), np.arange(around) * 2 * np.pi / around, indexing="ij")
+        )
+        normals = np.stack([np.sin(down) * np.sin(turn), np.cos(down), np.sin(down) * np.cos(turn)], axis=1)
+        first = np.arange((rings - 1) * around)
+        beside = first - first % around + (first + 1) % around
+        faces = np.concatenate([
+            np.stack([first, first + around, beside], axis=1)[around:],
+            np.stack([beside, first + around, beside + around], axis=1)[:-around],
+        ])  # fmt: skip
+        attributes = {
+            "POSITION": self.add((radius * normals).astype("<f4"), _VERTICES, limits=True),
+            "NORMAL": self.add(normals.astype("<f4"), _VERTICES),
+        }
+        indices = self.add(faces.astype("<u2").ravel(), _INDICES)
+        self.json["materials"].append({
+            "name": "target",
+            "pbrMetallicRoughness": {"baseColorFactor": _BALL_COLOUR, "metallicFactor": 0.0, "roughnessFactor": 0.5},
+        })  # fmt: skip
+        material = len(self.json["materials"]) - 1
+        self.json["meshes"].append({
+            "name": "target", "primitives": [{"attributes": attributes, "indices": indices, "material": material}],
+        })  # fmt: skip
+        return len(self.json["meshes"]) - 1
 
     def material(self, known: dict[tuple[int, bytes], int], part: int, colour: Array) -> int:
         """Return the material of a part in a colour."""
@@ -488,6 +593,86 @@ class _Shared:
         return OutputError(f"{self._path}: cannot be written: {error.strerror or error}")
 
 
+class SplitGltfSink:
+    """Writes a ``.glb`` for each avatar, of the frames from its first to its last; a ``Sink``.
+
+    Args:
+        sampler: Poses of the take.
+        paths: File of each of the avatars.
+        fps: Output frames a second.
+        frames: First output frame and one past the last.
+        avatars: Numbers of the avatars, ascending.
+        rotations: ``float32`` or ``int16``.
+
+    Raises:
+        OutputError: A file would be larger than glTF files can be.
+    """
+
+    kind, reads_joints, margin = "glb", False, 0
+
+    def __init__(
+        self,
+        sampler: PoseSampler,
+        paths: Sequence[Path],
+        fps: float | Fraction,
+        frames: tuple[int, int],
+        avatars: Sequence[int] | Array,
+        rotations: str = "float32",
+    ) -> None:
+        self.start, self.stop = frames
+        self.avatars: Array = np.asarray(avatars)
+        self._arguments = sampler, fps, frames, rotations
+        self._paths = dict(zip(self.avatars.tolist(), paths, strict=True))
+        self._sinks: list[GltfSink] | None = None
+
+    @property
+    def total(self) -> int:
+        """Number of files, those of avatars that are never there included."""
+        return len(self.avatars)
+
+    @property
+    def done(self) -> int:
+        """Number of files written so far."""
+        return sum(sink.done for sink in self._sinks or ())
+
+    def split(self, most: int) -> list[SplitGltfSink]:
+        """Return sinks of a few avatars each, and of no more files than are written at once."""
+        sampler, fps, frames, rotations = self._arguments
+        size = min(most, _FILES_AT_ONCE)
+        parts = [self.avatars[low : low + size] for low in range(0, len(self.avatars), size)]
+        return [
+            SplitGltfSink(sampler, [self._paths[one] for one in part.tolist()], fps, frames, part, rotations)
+            for part in parts
+        ]
+
+    def write(self, block: Block, pool: ThreadPoolExecutor) -> None:
+        """Put a block of frames into the files of the avatars that are there."""
+        if self._sinks is None:
+            self._sinks = self._open()
+        for sink in self._sinks:
+            if sink.start < block.stop_output and sink.stop > block.first_output:
+                sink.write(block, pool)
+
+    def close(self) -> list[Path]:
+        """Give the files their names and return them, in the order of the avatars."""
+        return [path for sink in self._sinks or () for path in sink.close()]
+
+    def abandon(self) -> None:
+        """Remove what is half-written."""
+        for sink in self._sinks or ():
+            sink.abandon()
+
+    def _open(self) -> list[GltfSink]:
+        sampler, fps, (start, stop), rotations = self._arguments
+        sinks = []
+        for avatar, path in self._paths.items():
+            there = start + np.flatnonzero(sampler.present(avatar, start, stop, float(fps)))
+            if len(there):
+                frames = int(there[0]), int(there[-1]) + 1
+                sinks.append(GltfSink(sampler, path, fps, frames, [avatar], rotations))
+        return sinks
+
+
 def write_gltf(
     sampler: PoseSampler,
     path: Path,
@@ -498,6 +683,7 @@ def write_gltf(
     threads: int = 1,
     progress: Progress | None = None,
     builds: Sequence[Build] | None = None,
+    cameras: Sequence[CameraPath] = (),
 ) -> list[Path]:
     """Write avatars of a take as one ``.glb``; see ``GltfSink``.
 
@@ -511,6 +697,7 @@ def write_gltf(
         threads: Threads that write.
         progress: Called with ("glb", avatars done, avatars).
         builds: Build of each avatar of the take; by its girth when None.
+        cameras: Cameras that come along.
 
     Returns:
         The file, or nothing where no avatar is there in these frames.
@@ -519,7 +706,7 @@ def write_gltf(
         OutputError: The folder cannot be made, or the file cannot be written or would be too large.
     """
     make_folder(path.parent)
-    sink = GltfSink(sampler, path, fps, frames, avatars, rotations, builds)
+    sink = GltfSink(sampler, path, fps, frames, avatars, rotations, builds, cameras)
     return stream_poses(sampler, float(fps), [sink], threads, progress)[0]
 
 

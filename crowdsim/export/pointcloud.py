@@ -2,19 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from crowdsim.body.anatomy import Build
+from crowdsim.body.looks import usual_build
+from crowdsim.body.skin import Skin, build_skin_of
 from crowdsim.core.types import Array, Progress
 from crowdsim.export.cloud_files import Cloud, probe_open3d, write_cloud
-from crowdsim.export.cloud_kernels import MOTION_COLUMNS, Bodies, Riders, Wanted, When, place_points
+from crowdsim.export.cloud_kernels import (
+    MOTION_COLUMNS,
+    Bodies,
+    Frames,
+    Riders,
+    SkinRiders,
+    Wanted,
+    When,
+    place_points,
+    place_skin_points,
+)
 from crowdsim.export.stream import Block, run_all, stream_poses
-from crowdsim.export.surface import Surface, build_surface
+from crowdsim.export.surface import Surface, build_skin_surface, build_surface
 from crowdsim.files import make_folder
 from crowdsim.poses.sampler import Poses, PoseSampler
+
+_Placer = Callable[[Bodies, When, Wanted, Cloud], None]
 
 
 class CloudSink:
@@ -32,6 +48,7 @@ class CloudSink:
         frames: First output frame and one past the last; all when None.
         every: Write each n-th.
         avatars: Numbers of the avatars; all when None.
+        surface: What points lie on: ``capsules``, or the skin of the ``body``.
 
     Raises:
         RunError: Open3D, which writes PCD, cannot be loaded.
@@ -49,6 +66,7 @@ class CloudSink:
         frames: tuple[int, int] | None = None,
         every: int = 1,
         avatars: Sequence[int] | Array | None = None,
+        surface: str = "capsules",
     ) -> None:
         if kind == "pcd":
             probe_open3d()
@@ -59,7 +77,10 @@ class CloudSink:
         self._sampler, self._folder, self._fps, self._points, self._every = sampler, folder, fps, points, every
         self._chosen = np.zeros(take.avatar_count, bool)
         self._chosen[self.avatars] = True
+        self._on_skin = surface == "body"
         self._surfaces: dict[int, Surface] = {}
+        self._skins: dict[tuple[int, Build], tuple[Skin, SkinRiders]] = {}
+        self._frames: dict[int, Frames] = {}
         self._files: list[Path] = []
 
     @property
@@ -81,12 +102,12 @@ class CloudSink:
         low, high = max(block.first_output, self.start), min(block.stop_output, self.stop)
         low += (self.start - low) % self._every
         frames = range(low, high, self._every)
-        surfaces = [self._surface(poses.policy) for poses in block.poses]
+        place = self._placers(block.poses)
         joints = block.joints
 
         def write(frame: int) -> Path:
             path = self._folder / f"{frame:06d}.{self.kind}"
-            write_cloud(path, self._build(block.poses, joints, surfaces, frame - block.first))
+            write_cloud(path, self._build(block.poses, joints, place, frame - block.first))
             return path
 
         self._files += run_all(pool, write, frames)
@@ -103,17 +124,67 @@ class CloudSink:
         last = self._sampler.take.output_frames(self._fps)
         low, high = max(frame - 1, 0), min(frame + 2, last)
         block = Block(low, frame, frame + 1, self._sampler.sample(low, high, self._fps, self.avatars))
-        surfaces = [self._surface(poses.policy) for poses in block.poses]
-        return self._build(block.poses, block.joints, surfaces, frame - low)
+        return self._build(block.poses, block.joints, self._placers(block.poses), frame - low)
 
-    def _surface(self, policy: int) -> Surface:
-        if policy not in self._surfaces:
-            database = self._sampler.policies[policy].database
-            self._surfaces[policy] = build_surface(database.skeleton, database.body, self._points)
-        return self._surfaces[policy]
+    def _placers(self, blocks: Sequence[Poses]) -> list[_Placer]:
+        """Return what puts the points of some avatars of each block into the world; all that it needs is built here."""
+        if self._on_skin:
+            return [self._skin_placer(poses) for poses in blocks]
+        return [self._capsule_placer(poses) for poses in blocks]
+
+    def _capsule_placer(self, poses: Poses) -> _Placer:
+        if poses.policy not in self._surfaces:
+            database = self._sampler.policies[poses.policy].database
+            self._surfaces[poses.policy] = build_surface(database.skeleton, database.body, self._points)
+        surface = self._surfaces[poses.policy]
+        riders = Riders(*(getattr(surface, name) for name in Riders._fields))
+
+        def place(bodies: Bodies, when: When, wanted: Wanted, cloud: Cloud) -> None:
+            motions = np.empty((bodies.positions.shape[2], MOTION_COLUMNS))
+            place_points(bodies, when, wanted, riders, motions, cloud.values, cloud.labels)
+
+        return place
+
+    def _skin_placer(self, poses: Poses) -> _Placer:
+        riders = {
+            number: self._skin_riders(poses.policy, number) for number in poses.avatars[self._chosen[poses.avatars]]
+        }
+
+        def place(bodies: Bodies, when: When, wanted: Wanted, cloud: Cloud) -> None:
+            for index, (column, number) in enumerate(zip(wanted.columns, wanted.numbers, strict=True)):
+                frames, rows = self._frames[number], slice(self._points * index, self._points * (index + 1))
+                values, labels = cloud.values[rows], cloud.labels[rows]
+                matrices = np.empty((3, *frames.bindings.shape))
+                place_skin_points(bodies, when, column, riders[number], frames, matrices, values, labels)
+                labels[:, 0], labels[:, 1] = number, wanted.teams[index]
+
+        return place
+
+    def _skin_riders(self, policy: int, number: int) -> SkinRiders:
+        """Return the points on the skin of an avatar, and note what carries it."""
+        cast = self._sampler.take.cast
+        girth = float(cast.girths[number])
+        key = policy, usual_build(girth)
+        if key not in self._skins:
+            skin = build_skin_of(self._sampler.policies[policy].database, key[1])
+            surface = build_skin_surface(skin, self._points)
+            self._skins[key] = skin, SkinRiders(*(getattr(surface, name) for name in SkinRiders._fields))
+        skin, riders = self._skins[key]
+        if number not in self._frames:
+            lengths = cast.stretches[number][self._sampler.motions[policy].segments].astype(float)
+            positions, growths = skin.growth(girth, lengths)
+            self._frames[number] = Frames(
+                growths,
+                np.ascontiguousarray(np.linalg.inv(growths[:, :, :3])),
+                replace(skin, positions=positions).inverse_bindings(),
+                skin.parents,
+                skin.helpers,
+                skin.straights(),
+            )
+        return riders
 
     def _build(
-        self, blocks: Sequence[Poses], all_joints: Sequence[tuple[Array, Array]], surfaces: Sequence[Surface], row: int
+        self, blocks: Sequence[Poses], all_joints: Sequence[tuple[Array, Array]], placers: Sequence[_Placer], row: int
     ) -> Cloud:
         here = [
             np.flatnonzero(np.isfinite(joints[row, :, 0, 0]) & self._chosen[poses.avatars])
@@ -121,16 +192,14 @@ class CloudSink:
         ]
         cloud = Cloud.empty(self._points * sum(map(len, here)))
         teams, first = self._sampler.take.cast.teams, 0
-        for poses, (joints, rotations), surface, columns in zip(blocks, all_joints, surfaces, here, strict=True):
+        for poses, (joints, rotations), place, columns in zip(blocks, all_joints, placers, here, strict=True):
             build = poses.scales, poses.girths, poses.stretches
             bodies = Bodies(joints, rotations, *(values.astype(np.float32) for values in build))
             when = When(max(row - 1, 0), row, min(row + 1, len(joints) - 1), 1.0 / self._fps)
             numbers = poses.avatars[columns]
             wanted = Wanted(columns, numbers.astype(np.int32), teams[numbers].astype(np.int32))
-            riders = Riders(*(getattr(surface, name) for name in Riders._fields))
-            motions = np.empty((joints.shape[2], MOTION_COLUMNS))
             stop = first + self._points * len(columns)
-            place_points(bodies, when, wanted, riders, motions, cloud.values[first:stop], cloud.labels[first:stop])
+            place(bodies, when, wanted, Cloud(cloud.rows[first:stop]))
             first = stop
         return cloud
 
@@ -146,6 +215,7 @@ def export_clouds(
     avatars: Sequence[int] | Array | None = None,
     threads: int = 1,
     progress: Progress | None = None,
+    surface: str = "capsules",
 ) -> list[Path]:
     """Write point clouds of a take; see ``CloudSink``.
 
@@ -157,5 +227,5 @@ def export_clouds(
         RunError: Open3D, which writes PCD, cannot be loaded.
     """
     make_folder(folder)
-    sink = CloudSink(sampler, folder, kind, fps, points, frames, every, avatars)
+    sink = CloudSink(sampler, folder, kind, fps, points, frames, every, avatars, surface)
     return stream_poses(sampler, fps, [sink], threads, progress)[0]

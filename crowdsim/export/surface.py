@@ -1,4 +1,4 @@
-"""Points spread evenly over a body's surface, once for each body."""
+"""Points spread evenly over a body's capsules or its skin, once for each body."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from crowdsim.body.skin import Skin
 from crowdsim.core.types import Array
 from crowdsim.motion.body import Body
 from crowdsim.motion.skeleton import Skeleton
@@ -34,6 +35,59 @@ class Surface:
     swells: Array
     cores: Array
     segments: Array
+
+
+@dataclass(frozen=True)
+class SkinSurface:
+    """Points on the triangles of a skin, each between three corners; K points.
+
+    Attributes:
+        joints: Joints and helpers that carry each corner. Shape (K, 3, 4), uint8.
+        weights: How much. Shape (K, 3, 4), float32.
+        positions: Corners in the binding pose [m]. Shape (K, 3, 3), float32.
+        normals: Their normals. Shape (K, 3, 3), float32.
+        shares: Share of each corner. Shape (K, 3).
+        labels: Joint that carries most of each point, helpers counted to their joints. Shape (K,), int32.
+    """
+
+    joints: Array
+    weights: Array
+    positions: Array
+    normals: Array
+    shares: Array
+    labels: Array
+
+
+def build_skin_surface(skin: Skin, points: int) -> SkinSurface:
+    """Spread points over a skin, by area.
+
+    Triangles are walked along a curve that fills space, so that points an equal area apart are spread evenly.
+
+    Args:
+        skin: The skin.
+        points: Number of points K.
+    """
+    corners = skin.vertices[skin.triangles].astype(float)
+    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    middles = corners.mean(axis=1)
+    cells = ((middles - middles.min(axis=0)) / np.ptp(middles, axis=0).max() * 1023.0).astype(np.int64)
+    keys = sum(((cells[:, axis] >> bit) & 1) << (3 * bit + axis) for bit in range(10) for axis in range(3))
+    order = np.argsort(keys, kind="stable")
+    ends = np.cumsum(areas[order])
+    numbers = np.arange(points)
+    found = order[np.searchsorted(ends, (numbers + 0.5) / points * ends[-1])]
+    # Fractions of multiples of these roots fill the unit square evenly (R2, Roberts 2018).
+    first, second = (numbers * 0.7548776662466927 + 0.5) % 1.0, (numbers * 0.5698402909980532 + 0.5) % 1.0
+    root = np.sqrt(first)
+    shares = np.stack([1.0 - root, root * (1.0 - second), root * second], axis=1)
+    faces = skin.triangles[found]
+    joints, weights = skin.joints[faces], skin.weights[faces]
+    owners = np.concatenate([np.arange(len(skin.parents)), skin.helpers])
+    carried = np.zeros((points, len(skin.parents)))
+    rows = np.broadcast_to(numbers[:, None, None], joints.shape)
+    np.add.at(carried, (rows, owners[joints]), weights * shares[:, :, None])
+    labels = np.argmax(carried, axis=1).astype(np.int32)
+    return SkinSurface(joints, weights, skin.vertices[faces], skin.normals[faces], shares, labels)
 
 
 def build_surface(skeleton: Skeleton, body: Body, points: int) -> Surface:

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, cast
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from crowdsim.config.files import Finding
+from crowdsim.config.files import Fault, Finding
+from crowdsim.export.avatar_files import MAXIMUM_FILES
 from crowdsim.export.posed import POSE_SECONDS, PosedOutput, extent_of
 from crowdsim.export.stream import Sink
+from crowdsim.scenario.camera import Camera
+from crowdsim.scenario.cameras import Chosen
 from crowdsim.scenario.output import Extent, Series
 
 if TYPE_CHECKING:
+    from crowdsim.export.gltf import CameraPath
     from crowdsim.poses.sampler import PoseSampler
+    from crowdsim.take.take import Take
 
 _FILE = "glb/take.glb"
+_SIZE = 1280, 720
+"""Size of the pictures that cameras are planned for [px]."""
 _LARGEST = 2**32
 _POSE_BYTES = {"float32": 400.0, "int16": 210.0}
 """Bytes of an avatar at a time, measured with the shipped scenarios."""
@@ -35,23 +42,56 @@ class GlbOutput(PosedOutput):
         default="float32", description="How rotations are stored: `float32`, or `int16`, which takes half the room."
     )
 
+    camera: Chosen | None = Field(
+        default=None, description="A camera that comes along, as of `render`; without it none does."
+    )
+    split: bool = Field(
+        default=False,
+        description="Whether each avatar has a file of its own, with the frames in which it is there.",
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> GlbOutput:
+        if self.split and self.camera is not None:
+            raise Fault("is given beside split, whose files have an avatar each, expected one of them", "camera")
+        return self
+
     @classmethod
     def posed_pattern(cls) -> str:
-        """Return the regular expression of the name of its file."""
-        return _FILE.replace(".", r"\.")
+        """Return the regular expression of the names of its files."""
+        return r"glb/[^/]+\.glb"
 
     def posed_files(self, extent: Extent, names: Sequence[str]) -> Iterator[str | Series]:
-        """Yield the name of the file."""
-        yield _FILE
+        """Yield the name of the file, or those of avatars, in their order."""
+        if self.split:
+            yield from (f"{self.name}/{self.file_of(names[avatar])}" for avatar in self.chosen(len(names)))
+        else:
+            yield _FILE
 
     def file_of(self, avatar: str) -> str:
-        """Return the name of the file, which holds all avatars that are there at some time."""
-        return Path(_FILE).name
+        """Return the name of the file that holds an avatar."""
+        return f"{avatar}.glb" if self.split else Path(_FILE).name
+
+    def findings(self, avatars: int) -> Iterator[Finding]:
+        """Yield a finding for each avatar that there is not, and where there are too many files."""
+        if self.split and self.avatars is None and avatars > MAXIMUM_FILES:
+            what = f"asks for {avatars:,} files, expected at most {MAXIMUM_FILES:,}; choose some by 'avatars'"
+            yield Finding(("split",), what)
+        yield from super().findings(avatars)
+
+    def named(self, members: Callable[[str], Sequence[int] | None], cameras: Mapping[str, Camera]) -> PosedOutput:
+        """Return it with the numbers of its avatars and the keys of its camera."""
+        keys = cameras.get(self.camera, self.camera) if isinstance(self.camera, str) else self.camera
+        return super().named(members, cameras).model_copy(update={"camera": keys})
+
+    def command(self, run: str) -> list[str]:
+        """Return the words of the command that writes it from a finished run; none if it cannot name the camera."""
+        return [] if self.camera is not None and not isinstance(self.camera, str) else super().command(run)
 
     def findings_for(self, extent: Extent) -> Iterator[Finding]:
         """Yield a finding where the file would be larger than glTF files can be."""
         size = self.cost(extent)[0]
-        if size >= _LARGEST:
+        if size >= _LARGEST and not self.split:
             what = f"would have about {size / 1e9:.1f} GB, glTF files have at most {_LARGEST / 1e9:.1f}; "
             yield Finding((), what + "expected fewer avatars or frames, a lower rate, or rotations: int16")
 
@@ -63,10 +103,43 @@ class GlbOutput(PosedOutput):
 
     def sink(self, sampler: PoseSampler, folder: Path, missing: Collection[str] | None = None) -> Sink:
         """Return what writes the file."""
-        from crowdsim.export.gltf import GltfSink
+        from crowdsim.export.gltf import GltfSink, SplitGltfSink
 
-        frames = self.frames_of(extent_of(sampler.take))
-        return GltfSink(sampler, folder / Path(_FILE).name, self.rate, frames, self.numbers, self.rotations)
+        frames, names = self.frames_of(extent_of(sampler.take)), sampler.take.cast.names.tolist()
+        if self.split:
+            files = {one: f"{self.name}/{self.file_of(names[one])}" for one in self.chosen(len(names))}
+            wanted = [one for one, file in files.items() if missing is None or file in missing]
+            paths = [folder / Path(files[one]).name for one in wanted]
+            return SplitGltfSink(sampler, paths, self.rate, frames, wanted, self.rotations)
+        cameras = [] if self.camera is None else _camera_paths(sampler, self.camera, self.rate, frames)
+        return GltfSink(
+            sampler, folder / Path(_FILE).name, self.rate, frames, self.numbers, self.rotations, cameras=cameras
+        )
+
+
+def _camera_paths(sampler: PoseSampler, camera: Chosen, fps: float, frames: tuple[int, int]) -> list[CameraPath]:
+    """Return where cameras are and look at every output frame.
+
+    Raises:
+        CrowdsimError: There is no such camera or avatar.
+    """
+    import numpy as np
+    from scipy.spatial.transform import Rotation
+
+    from crowdsim.export.gltf import CameraPath
+    from crowdsim.render.camera import build_track, resolve_camera
+    from crowdsim.render.take_source import TakeSource
+
+    source, paths = TakeSource(cast("Take", sampler.take), sampler.policies, fps), []
+    for number, one in enumerate(resolve_camera(source, camera)):
+        track = build_track(source, one, _SIZE)
+        views = [track.view(frame) for frame in range(*frames)]
+        axes = [np.stack([view.right, np.cross(view.right, view.ahead), -view.ahead], axis=1) for view in views]
+        rotations = Rotation.from_matrix(np.array(axes)).as_quat(scalar_first=True)
+        name = f"camera_{number}" if number else "camera"
+        eyes = np.array([view.eye for view in views])
+        paths.append(CameraPath(name, eyes, rotations, views[0].field, _SIZE[0] / _SIZE[1]))
+    return paths
 
 
 OUTPUT = GlbOutput

@@ -14,7 +14,7 @@ from crowdsim.errors import TakeError
 from crowdsim.scenario.camera import Camera
 from crowdsim.scenario.cameras import Chosen, Shot, Shots
 from crowdsim.scenario.frame_ranges import output_frames
-from crowdsim.scenario.looks import MOST_BLUR, Background, Light, Marks
+from crowdsim.scenario.looks import MOST_BLUR, Background, Figure, Light, Marks
 from crowdsim.scenario.output import Extent, Ranged, Series
 from crowdsim.scenario.rates import PictureRate, rate_text
 
@@ -72,6 +72,10 @@ class RenderOutput(Ranged):
         ge=0,
         le=MOST_BLUR,
         description="How many moments a picture is the mean of, while a shutter is open for half a frame; 0 for none.",
+    )
+    figure: Figure = Field(
+        default="auto",
+        description="What avatars are seen as: `body`, `capsules`, or `auto`: bodies from near, capsules far away.",
     )
 
     @model_validator(mode="after")
@@ -188,7 +192,7 @@ class RenderOutput(Ranged):
         words += ["--png"] * self.png + ["--mp4"] * self.mp4
         words += ["--contact-sheet", str(self.contact_sheet)] if self.contact_sheet else []
         words += ["--camera", self.camera]
-        for name in ("marks", "background", "light"):
+        for name in ("marks", "background", "light", "figure"):
             words += (
                 [f"--{name}", getattr(self, name)]
                 if getattr(self, name) != type(self).model_fields[name].default

@@ -9,7 +9,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.errors import CrowdsimError, nearest
-from crowdsim.scenario.looks import BACKGROUNDS, LIGHTS, MARKS, MOST_BLUR, check_background
+from crowdsim.scenario.looks import BACKGROUNDS, FIGURES, LIGHTS, MARKS, MOST_BLUR, check_background
 
 _LIGHTS: dict[str, tuple[float, ...]] = {
     "day": (1.22, 1.19, 1.11, 0.40, 0.45, 0.53, 0.20, 0.20, 0.19),
@@ -45,6 +45,7 @@ class Look:
         transparent: Whether pictures hold the figures alone, and how they cover.
         caption: Whether pictures have a small caption.
         motion_blur: How many moments a picture is the mean of, while a shutter is open for half a frame; 0 for none.
+        figure: ``body``, ``capsules``, or ``auto``: bodies where they are seen from near.
     """
 
     marks: str = "all"
@@ -54,10 +55,12 @@ class Look:
     transparent: bool = False
     caption: bool = True
     motion_blur: int = 0
+    figure: str = "auto"
 
     def __post_init__(self) -> None:
         """Refuse words that mean nothing."""
-        for name, word, choices in (("marks", self.marks, MARKS), ("light", self.light, LIGHTS)):
+        words = ("marks", self.marks, MARKS), ("light", self.light, LIGHTS), ("figure", self.figure, FIGURES)
+        for name, word, choices in words:
             if word not in choices:
                 raise CrowdsimError(f"{name} {word!r}: expected {', '.join(choices)}{nearest(word, choices)}")
         if not 0 <= self.motion_blur <= MOST_BLUR:
@@ -95,4 +98,4 @@ def linear(value: float) -> float:
     return light if light <= 0.8 else 0.8 + (light - 0.8) / (1.0 - 2.0 * (light - 0.8))
 
 
-__all__ = ["BACKGROUNDS", "LIGHTS", "MARKS", "Look", "linear"]
+__all__ = ["BACKGROUNDS", "FIGURES", "LIGHTS", "MARKS", "Look", "linear"]

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from crowdsim.body.looks import HAIR
+from crowdsim.body.parts import SKIN_PARTS
 from crowdsim.core.types import Array
 from crowdsim.motion.body import PARTS
 
@@ -24,6 +26,7 @@ EYES = len(PARTS)
 _EYES = (0.02, 0.02, 0.03, 0.30)
 _TRUNKS = 0.8
 """How bright trunks are for the colour of a team."""
+_DRESSES = ("skin", "glove", "shirt", "trunks", "shoe")
 _GLOSS = {"skin": 0.10, "head": 0.12, "glove": 0.55, "shirt": 0.04, "trunks": 0.16, "shoe": 0.25}
 
 
@@ -75,3 +78,21 @@ def avatar_paints(teams: Sequence[int] | Array, colours: Array | None = None) ->
             paints[avatar, part, :3] = dress[name] ** 2.0
             paints[avatar, part, 3] = _GLOSS[name]
     return paints
+
+
+def skin_paints(avatar: int, paints: Array) -> Array:
+    """Return the paint of each of ``body.parts.SKIN_PARTS`` of an avatar. Shape (P, 4), float32.
+
+    Args:
+        avatar: Its number, which the colour of its hair follows.
+        paints: Its row of ``avatar_paints``. Shape (7, 4).
+    """
+    skin, glove, shirt, trunks, shoe = (paints[PARTS.index(name)] for name in _DRESSES)
+    hair = np.array((*(value**2.0 for value in HAIR[(avatar * 7 + avatar // 3) % len(HAIR)]), 0.10))
+    bright = np.array((*(0.25 * glove[:3] + 0.55), 0.12))
+    of = {
+        "skin": skin, "hair": hair, "brows": hair, "eyes": (0.62, 0.60, 0.56, 0.4), "pupils": (0.01, 0.01, 0.01, 0.6),
+        "lips": skin * (0.80, 0.52, 0.52, 2.0), "top": shirt, "shorts": trunks, "band": bright, "gloves": glove,
+        "cuffs": bright, "shoes": shoe, "soles": (0.70, 0.70, 0.68, 0.1),
+    }  # fmt: skip
+    return np.array([of[part] for part in SKIN_PARTS], np.float32)

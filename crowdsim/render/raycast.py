@@ -19,6 +19,7 @@ from crowdsim.render.kernels.capsules import (
 )
 from crowdsim.render.kernels.cells import count_entries, fill_entries
 from crowdsim.render.kernels.columns import (
+    A_RADIUS,
     CENTRE_X,
     CENTRE_Z,
     COLUMNS,
@@ -49,7 +50,8 @@ from crowdsim.render.kernels.columns import (
     WIDEST,
 )
 from crowdsim.render.kernels.drawing import draw_tiles
-from crowdsim.render.kernels.records import Cones, Grids, Lists
+from crowdsim.render.kernels.records import Cones, Grids, Lists, Skins
+from crowdsim.render.kernels.skins import choose_triangles, list_triangles, project_skins
 from crowdsim.render.look import Look
 from crowdsim.render.view import View
 
@@ -87,6 +89,31 @@ class Capsules:
 
 
 @dataclass(frozen=True)
+class PosedSkins:
+    """Skins of some avatars in the world; V vertices and T triangles in all.
+
+    Attributes:
+        avatars: The avatars, ascending; their capsules only cast shadows and darken creases. Shape (n,), int64.
+        vertices: Shape (V, 3) [m], float32.
+        normals: Unit. Shape (V, 3), float32.
+        triangles: Corners, counter-clockwise from outside. Shape (T, 3), int32.
+        owners: Avatar of each triangle. Shape (T,), int32.
+        looks: Row of its paint. Shape (T,), int32.
+        homes: Row of ``Capsules`` on which it lies. Shape (T,), int32.
+        paints: Linear red, green, blue and gloss. Shape (P, 4), float32.
+    """
+
+    avatars: Array
+    vertices: Array
+    normals: Array
+    triangles: Array
+    owners: Array
+    looks: Array
+    homes: Array
+    paints: Array
+
+
+@dataclass(frozen=True)
 class Flashes:
     """Moments at which strikes reach furthest.
 
@@ -118,6 +145,7 @@ def draw(
     threads: int = 1,
     arena: Array | None = None,
     look: Look | None = None,
+    skins: PosedSkins | None = None,
 ) -> Array:
     """Draw one picture; the same arguments give the same bytes for any number of threads.
 
@@ -131,6 +159,7 @@ def draw(
         arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z [m]; open ground by
             default. Shape (5,).
         look: Light and background.
+        skins: Skins of some avatars, which are seen instead of their capsules.
 
     Returns:
         Red, green and blue, shape (height, width, 3), uint8; and how much of each pixel figures cover where the look is
@@ -159,14 +188,18 @@ def draw(
     paints = np.ascontiguousarray(capsules.paints[chosen])
     neighbours = np.empty((count, _NEIGHBOURS), np.int32)
     near_capsules(cones, owners, camera, _FINE, neighbours)
+    if skins is not None:
+        segments[np.isin(owners, skins.avatars), A_RADIUS] = -1.0
     tiles = _lists(segments, (width + 7) // 8, (height + 7) // 8)
+    faces, seen = _seen_skins(skins, chosen, len(capsules.shapes), camera, size)
     shadows = _shadow_lists(shades, cones, camera, light, segments)
     floor, contacts = _contact_lists(cones, camera, segments)
     picture = np.empty((height, width, 4 if look.transparent else 3), np.uint8)
     lamps = _project_flashes(flashes, camera)
     shared = (
-        camera, light, floor, Cones(cones, spans, shades, paints, owners, neighbours), Grids(tiles, shadows, contacts),
-        np.append(np.zeros(5) if arena is None else arena, LINE), lamps, picture,
+        camera, light, floor, Cones(cones, spans, shades, paints, owners, neighbours), seen,
+        Grids(tiles, faces, shadows, contacts), np.append(np.zeros(5) if arena is None else arena, LINE), lamps,
+        picture,
     )  # fmt: skip
     if threads <= 1:
         draw_tiles(0, 1, *shared)
@@ -174,6 +207,30 @@ def draw(
         with ThreadPoolExecutor(threads) as pool:
             list(pool.map(lambda first: draw_tiles(first, threads, *shared), range(threads)))
     return picture
+
+
+def _seen_skins(
+    skins: PosedSkins | None, chosen: Array, count: int, camera: Array, size: tuple[int, int]
+) -> tuple[Lists, Skins]:
+    """Triangles of skins that each tile may show, and the skins as the camera sees them; ``chosen`` of the capsules."""
+    columns, rows = (size[0] + 7) // 8, (size[1] + 7) // 8
+    offsets = np.zeros(columns * rows + 1, np.int32)
+    if skins is None:
+        none = np.zeros((0, 3), np.float32)
+        numbers, paints = np.zeros(0, np.int32), np.zeros((0, 4), np.float32)
+        return Lists(offsets, numbers), Skins(np.zeros((0, 3), np.int32), numbers, numbers, numbers, paints, none, none)
+    screen = np.empty_like(skins.vertices)
+    project_skins(0, len(screen), skins.vertices, camera, screen)
+    faces, spans = np.empty(len(skins.triangles), np.int32), np.empty((len(skins.triangles), 4), np.int16)
+    faces = faces[: choose_triangles(skins.triangles, screen, *size, columns, offsets, faces, spans)]
+    entries = np.empty(int(offsets[-1]), np.int32)
+    list_triangles(faces, spans, columns, offsets, entries)
+    cones = np.full(count, -1, np.int32)
+    cones[chosen] = np.arange(len(chosen), dtype=np.int32)
+    homes = cones[skins.homes]
+    return Lists(offsets, entries), Skins(
+        skins.triangles, skins.owners, skins.looks, homes, skins.paints, screen, skins.normals
+    )
 
 
 def _lists(segments: Array, columns: int, rows: int) -> Lists:

@@ -31,6 +31,7 @@ class Cast:
         segments: Which of these bones each capsule of each figure lies on. Length of ``figures``, each (k,), int64.
         paints: Paint of every capsule, in the order of ``place``. Shape (K, 4), float32.
         owners: Avatar of every capsule. Shape (K,), int32.
+        dresses: Paint of each part of every avatar, see ``avatar_paints``. Shape (N, 7, 4), float32.
     """
 
     figures: tuple[Figure, ...]
@@ -41,6 +42,7 @@ class Cast:
     segments: tuple[Array, ...]
     paints: Array
     owners: Array
+    dresses: Array
 
     def place(self, poses: Sequence[tuple[Array, Array]], markers: Array | None = None) -> Capsules:
         """Return the capsules of one frame.
@@ -115,4 +117,5 @@ def build_cast(
         segments=segments,
         paints=np.ascontiguousarray(np.concatenate(paints), dtype=np.float32),
         owners=np.concatenate(owners).astype(np.int32),
+        dresses=by_part,
     )

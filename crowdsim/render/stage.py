@@ -20,10 +20,11 @@ from crowdsim.render.edit import EditedSource
 from crowdsim.render.look import Look
 from crowdsim.render.raycast import Flashes, draw
 from crowdsim.render.scene import Cast, build_cast
+from crowdsim.render.skins import BODY_SCALE, LEAST_SCALE, SkinCast
 from crowdsim.render.source import PoseSource, Shown
 from crowdsim.scenario.cameras import Chosen
 
-VERSION = 5
+VERSION = 6
 """Counts changes after which pictures differ."""
 _BETWEEN = 34
 """Grey of the line between cameras side by side."""
@@ -38,6 +39,7 @@ class Stage:
     Attributes:
         source: Where motion comes from; of shots, the frames of the edited video.
         cast: Its avatars as figures.
+        skins: Their skins; None where there are none, or where the look shows capsules alone.
         tracks: Cameras, side by side from left to right.
         size: Width and height [px].
         look: Light, background, marks and caption.
@@ -47,6 +49,7 @@ class Stage:
 
     source: PoseSource
     cast: Cast
+    skins: SkinCast | None
     tracks: tuple[Track, ...]
     size: tuple[int, int]
     look: Look
@@ -86,7 +89,12 @@ class Stage:
         """Draw a frame without motion blur and caption."""
         points, ages, speeds, outcomes = self.source.recent_strikes(frame)
         shown = Shown(stop or frame + 1, self.scales)
-        capsules = self.cast.place(self.source.poses(frame, shown), self.source.markers(frame))
+        poses = self.source.poses(frame, shown)
+        capsules = self.cast.place(poses, self.source.markers(frame))
+        skins = None
+        if self.skins is not None:
+            least = BODY_SCALE if self.look.figure == "auto" else LEAST_SCALE
+            skins = self.skins.pose(poses, self.scales(frame), least)
         marked = np.asarray(ages) < FLASH
         if self.look.marks != "all":
             marked &= (np.asarray(outcomes) == LANDED) & (self.look.marks == "landed")
@@ -107,6 +115,7 @@ class Stage:
                 threads,
                 self.source.arena,
                 self.look,
+                skins,
             )
             for track, left, right in zip(self.tracks, edges[:-1], edges[1:], strict=True)
         ]
@@ -199,6 +208,11 @@ def build_stage(
     )
     mark = hashlib.sha256(json.dumps(content).encode()).hexdigest()[:32]
 
+    skin = getattr(source, "skin", None)
+    if look.figure == "body" and skin is None:
+        raise CrowdsimError(f"{source.name}: figure body needs a run, not a BVH file")
+    skins = None if skin is None or look.figure == "capsules" else SkinCast(cast, skin)
+
     spans = []
     for i, shot in enumerate(shots):
         try:
@@ -210,10 +224,10 @@ def build_stage(
         """Return the stage of the source at a multiple of its rate."""
         seen = [[_slowed(tracks[one], scale) for one in several] for several in cameras]
         if not shots:
-            return Stage(source, cast, tuple(seen[0]), size, look, mark, finer)
+            return Stage(source, cast, skins, tuple(seen[0]), size, look, mark, finer)
         edited = EditedSource(source, tuple((start * scale, end * scale) for start, end in spans))
         track = Track(edited.view([one.view for (one,) in seen]), seen[0][0].sun)
-        return Stage(edited, cast, (track,), size, look, mark, finer)
+        return Stage(edited, cast, skins, (track,), size, look, mark, finer)
 
     if not look.motion_blur:
         return stage(source, 1)

@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from crowdsim.body.looks import usual_build
+from crowdsim.body.skin import Skin, build_skin_of
 from crowdsim.core.types import Array
 from crowdsim.policy.policy import Policy
 from crowdsim.poses.sampler import Poses, PoseSampler, unseen_layers
@@ -162,6 +164,14 @@ class TakeSource:
             for poses in self._sampler.sample(start + low, start + high, self.fps, some, without):
                 found.append((start + low, poses, there[low:high, poses.avatars]))
         return _Block(start, stop, scales, found)
+
+    def skin(self, avatar: int, coarseness: float) -> Skin:
+        """Return the skin of an avatar, by its girth and lengths; edges are so many times as long as usual."""
+        cast = self.take.cast
+        policy, girth = int(cast.policies[avatar]), float(cast.girths[avatar])
+        lengths = cast.stretches[avatar][self._sampler.motions[policy].segments]
+        skin = build_skin_of(self._sampler.policies[policy].database, usual_build(girth), coarseness)
+        return skin.shaped(girth, lengths)
 
     def recent_strikes(self, frame: int) -> tuple[Array, Array, Array, Array]:
         """Return points [m], time since [s], speeds [m/s] and outcomes of strikes a moment before a frame."""

@@ -82,10 +82,12 @@ def choose_outputs(
     for output in map(EXPORTS.__getitem__, kinds):
         try:
             own = {key: _listed(output, key, value) for key, value in more.items() if key in output.model_fields}
-            chosen.append(output.model_validate({**given, **own}))
+            wanted = output.model_validate({**given, **own})
         except ValidationError as error:
             found = error.errors()[0]
-            raise CrowdsimError(f"{output.name}: {'.'.join(map(str, found['loc']))}: {found['msg']}") from None
+            where, why = ".".join(map(str, found["loc"])), found.get("ctx", {}).get("error", found["msg"])
+            raise CrowdsimError(f"{output.name}: {where}{': ' if where else ''}{why}") from None
+        chosen.append(wanted.named(lambda name: None, getattr(take, "cameras", {})))
     return chosen
 
 

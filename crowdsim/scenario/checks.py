@@ -171,6 +171,10 @@ def _camera_findings(scenario: Description) -> Iterator[Finding]:
             yield render.place(Finding(("camera",), what))
         for finding in shot_findings(render.shots, scenario.cameras, names):
             yield render.place(replace(finding, loc=("shots", *finding.loc)))
+    glb = scenario.outputs.glb
+    if glb is not None and glb.camera is not None:
+        for finding in choice_findings(glb.camera, scenario.cameras, scenario.avatar_names()):
+            yield glb.place(replace(finding, loc=("camera", *finding.loc)))
 
 
 def _search_findings(scenario: Description) -> Iterator[Finding]:

@@ -12,7 +12,8 @@ from crowdsim.errors import nearest
 
 Marks = Literal["none", "landed", "all"]
 Light = Literal["day", "soft", "evening", "night"]
-MARKS, LIGHTS = get_args(Marks), get_args(Light)
+Figure = Literal["auto", "body", "capsules"]
+MARKS, LIGHTS, FIGURES = get_args(Marks), get_args(Light), get_args(Figure)
 BACKGROUNDS = ("day", "dark", "studio", "white", "black", "green")
 MOST_BLUR = 64
 """Of how many moments a picture may be the mean."""

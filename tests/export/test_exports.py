@@ -7,8 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from scenes import crowdsim, write_scene
 
+from crowdsim.body.looks import usual_build
+from crowdsim.body.skin import build_skin_of, pose_skins
 from crowdsim.bvh.io import read_bvh, to_clip
 from crowdsim.errors import OutputError
 from crowdsim.export import avatar_files, stream
@@ -159,7 +162,6 @@ def test_clouds_without_points_are_written_as_such(sampler: PoseSampler, tmp_pat
 
 def test_plyfile_and_trimesh_read_clouds_too(sampler: PoseSampler, tmp_path: Path) -> None:
     import plyfile
-    import trimesh
 
     path = export_clouds(sampler, tmp_path, "ply", FPS, 40, (30, 31))[0]
     cloud = CloudSink(sampler, tmp_path, "ply", FPS, 40).build(30)
@@ -174,13 +176,41 @@ def test_plyfile_and_trimesh_read_clouds_too(sampler: PoseSampler, tmp_path: Pat
     np.testing.assert_array_equal(trimesh.load(str(path)).vertices, cloud.positions)
 
 
-def test_velocities_are_how_points_move(sampler: PoseSampler, tmp_path: Path) -> None:
-    sink = CloudSink(sampler, tmp_path, "ply", FPS, 40)
+@pytest.mark.parametrize("surface", ["capsules", "body"])
+def test_velocities_are_how_points_move(sampler: PoseSampler, tmp_path: Path, surface: str) -> None:
+    sink = CloudSink(sampler, tmp_path, "ply", FPS, 40, surface=surface)
     before, cloud, after = (sink.build(frame) for frame in (4, 5, 6))
     np.testing.assert_allclose(cloud.velocities, (after.positions - before.positions) * FPS / 2, atol=1e-3)
     assert 0.1 < np.abs(cloud.velocities).max() < 20
     first, second = sink.build(0), sink.build(1)
     np.testing.assert_allclose(first.velocities, (second.positions - first.positions) * FPS, atol=1e-3)
+
+
+def test_points_of_bodies_lie_on_the_skins_that_gltf_has(sampler: PoseSampler, tmp_path: Path) -> None:
+    cloud = CloudSink(sampler, tmp_path, "ply", FPS, 60, surface="body").build(30)
+    (poses,) = sampler.sample(30, 31, FPS)
+    positions, rotations = poses.joints()
+    database, cast = sampler.policies[0].database, sampler.take.cast
+    assert cloud.avatar.tolist() == np.repeat([0, 1, 2], 60).tolist()
+    assert cloud.team[::60].tolist() == [0, 0, 1]
+    for avatar in range(3):
+        lengths = cast.stretches[avatar][sampler.motions[0].segments].astype(float)
+        girth = float(cast.girths[avatar])
+        skin = build_skin_of(database, usual_build(girth)).shaped(girth, lengths)
+        matrices = skin.matrices(positions[0, avatar][None], rotations[0, avatar][None], cast.scales[[avatar]])
+        (vertices,), (normals,) = pose_skins([skin], matrices)
+        triangles = vertices[skin.triangles].astype(float)
+        owners = np.concatenate([np.arange(len(skin.parents)), skin.helpers])
+        rows = slice(60 * avatar, 60 * avatar + 60)
+        for point, normal, joint in zip(cloud.positions[rows], cloud.normals[rows], cloud.joint[rows], strict=True):
+            nearest = trimesh.triangles.closest_point(triangles, np.tile(point.astype(float), (len(triangles), 1)))
+            gaps = np.linalg.norm(nearest - point, axis=1)
+            assert gaps.min() < 1e-4
+            corners = skin.triangles[np.argmin(gaps)]
+            (shares,) = trimesh.triangles.points_to_barycentric(triangles[[np.argmin(gaps)]], point[None].astype(float))
+            blended = shares @ normals[corners]
+            assert blended @ normal > 0.999 * np.linalg.norm(blended)
+            assert joint in owners[skin.joints[corners]][skin.weights[corners] > 0.1]
 
 
 def test_writers_make_no_folders_when_they_are_built(sampler: PoseSampler, tmp_path: Path) -> None:

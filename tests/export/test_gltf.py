@@ -4,11 +4,13 @@ import json
 import shutil
 import struct
 import subprocess
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from scenes import write_scene
 from test_exports import COMING
 
@@ -18,8 +20,12 @@ from crowdsim.body.skin import build_skin, pose_skins
 from crowdsim.errors import OutputError
 from crowdsim.export import gltf, stream
 from crowdsim.export.gltf import write_gltf
+from crowdsim.export.posed import write_posed
+from crowdsim.outputs.glb import GlbOutput
 from crowdsim.poses.sampler import PoseSampler
 from crowdsim.preparation.prepare import load_policies
+from crowdsim.render.camera import build_track, resolve_camera
+from crowdsim.render.take_source import TakeSource
 from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
 
@@ -167,10 +173,96 @@ def test_extras_say_teams_types_and_strikes(sampler: PoseSampler, tmp_path: Path
     (path,) = write_gltf(sampler, tmp_path / "crowd.glb", fps=30)
     scene = Scene(path)
     roots = {node.name: node.extras for node in scene.gltf.nodes if node.extras}
-    assert roots["late_0"] == {"avatar": 2, "sex": "male", "build": "heavy", "team": "blue", "type": "large"}
+    found = {key: value for key, value in roots["late_0"].items() if key != "health_lost"}
+    assert found == {"avatar": 2, "sex": "male", "build": "heavy", "team": "blue", "type": "large"}
     strikes, table = scene.gltf.scenes[0].extras["strikes"], sampler.take.strikes()
     assert [strike["attacker"] for strike in strikes] == list(table["attacker"])
     np.testing.assert_allclose([strike["seconds"] for strike in strikes], table["seconds"], atol=1e-3)
+
+
+def test_extras_say_what_strikes_have_taken_from_health(sampler: PoseSampler, tmp_path: Path) -> None:
+    take = sampler.take
+    count = len(take.events.frame)
+    assert count > 3
+    victims, harm = np.zeros(count, np.int32), np.arange(count, dtype=np.float32)
+    hurt = replace(take, events=replace(take.events, victim=victims, damage=harm))
+    order = np.argsort(take.events.frame, kind="stable")
+    seconds, points = np.asarray(take.events.frame)[order] / take.control_rate, np.cumsum(harm[order])
+    for start in (0, 30):
+        (path,) = write_gltf(PoseSampler(hurt, sampler.policies), tmp_path / f"{start}.glb", (start, 80), fps=30)
+        extras = {node.name: node.extras for node in Scene(path).gltf.nodes if node.extras}
+        found = np.array(extras["red_0"]["health_lost"])
+        assert "health_lost" not in extras["red_1"]
+        assert (np.diff(found[:, 0]) > 0).all()
+        for time in (0.0, 0.5, 1.0, 2.0, (79 - start) / 30):
+            before = points[seconds <= time + start / 30 + 1e-3]
+            ours = found[found[:, 0] <= time + 1e-3]
+            expected = before[-1] if len(before) else 0.0
+            assert (ours[-1, 1] if len(ours) else 0.0) == pytest.approx(expected, abs=1e-3)
+
+
+def test_targets_come_along_as_balls(sampler: PoseSampler, tmp_path: Path) -> None:
+    take = sampler.take
+    places = np.random.default_rng(3).normal(size=(take.frame_count, 2, 3)).astype(np.float32)
+    shown = PoseSampler(replace(take, targets=places), sampler.policies)
+    (path,) = write_gltf(shown, tmp_path / "crowd.glb", (5, 60), fps=FPS)
+    scene = Scene(path)
+    source = TakeSource(shown.take, shown.policies, float(FPS))
+    for frame in (5, 6, 31, 59):
+        world = scene.at(float((frame - 5) / FPS))
+        for number, expected in enumerate(source.markers(frame)):
+            np.testing.assert_allclose(world[scene.names.index(f"target_{number}")][:3, 3], expected, atol=1e-5)
+    mesh = scene.gltf.meshes[scene.gltf.nodes[scene.names.index("target_0")].mesh]
+    points = scene.values(mesh.primitives[0].attributes.POSITION)
+    faces = points[scene.values(mesh.primitives[0].indices).reshape(-1, 3)]
+    outwards = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    assert (np.einsum("ij,ij->i", outwards, faces.mean(axis=1)) > 0).all()
+    np.testing.assert_allclose(np.linalg.norm(points, axis=1), 0.13, atol=1e-6)
+
+
+@pytest.mark.parametrize("camera", ["fight", "front+side"])
+def test_cameras_come_along_as_pictures_have_them(sampler: PoseSampler, tmp_path: Path, camera: str) -> None:
+    (path,) = write_posed(sampler, tmp_path, [GlbOutput(fps=30.0, frames=(10, 50), camera=camera)])["glb"][:1]
+    scene, source = Scene(path), TakeSource(sampler.take, sampler.policies, 30.0)
+    for number, one in enumerate(resolve_camera(source, camera)):
+        node = scene.names.index(f"camera_{number}" if number else "camera")
+        track = build_track(source, one, (1280, 720))
+        for frame in (10, 11, 30, 49):
+            view, world = track.view(frame), scene.at((frame - 10) / 30)[node]
+            np.testing.assert_allclose(world[:3, 3], view.eye, atol=1e-5)
+            np.testing.assert_allclose(-world[:3, 2], view.ahead, atol=1e-5)
+            np.testing.assert_allclose(world[:3, 0], view.right, atol=1e-5)
+        lens = scene.gltf.cameras[scene.gltf.nodes[node].camera].perspective
+        assert lens.yfov == pytest.approx(track.view(10).field, abs=1e-6)
+        assert lens.aspectRatio == pytest.approx(1280 / 720, abs=1e-5)
+
+
+def test_each_avatar_may_have_a_file_of_the_frames_in_which_it_is_there(sampler: PoseSampler, tmp_path: Path) -> None:
+    split = GlbOutput(fps=30.0, split=True)
+    written = write_posed(sampler, tmp_path, [split])["glb"]
+    assert [path.name for path in written] == ["red_0.glb", "red_1.glb", "late_0.glb", "avatars.csv"]
+    assert "late_0.glb" in written[-1].read_text()
+    there = np.flatnonzero(sampler.present(2, 0, sampler.take.output_frames(30.0), 30.0))
+    (whole,) = write_gltf(sampler, tmp_path / "whole.glb", fps=30)
+    mine, all_of_it = Scene(written[2]), Scene(whole)
+    assert mine.gltf.scenes[0].extras["first_frame"] == there[0]
+    assert not [channel for channel in mine.gltf.animations[0].channels if channel.target.path == "scale"]
+    times = mine.values(mine.gltf.animations[0].samplers[0].input)[:, 0]
+    assert len(times) == there[-1] + 1 - there[0]
+    for frame in (there[0], there[-1]):
+        ours, _ = mine.skinned(mine.at((frame - there[0]) / 30), 0)
+        theirs, _ = all_of_it.skinned(all_of_it.at(frame / 30), 2)
+        np.testing.assert_allclose(ours, theirs, atol=1e-6)
+    written[1].unlink()
+    before = written[0].read_bytes()
+    write_posed(sampler, tmp_path, [split])
+    assert written[1].exists()
+    assert written[0].read_bytes() == before
+
+
+def test_files_of_avatars_have_no_camera() -> None:
+    with pytest.raises(ValidationError, match="camera: is given beside split"):
+        GlbOutput(split=True, camera="fight")
 
 
 def test_roots_of_the_scene_are_skins_and_trees_of_joints(sampler: PoseSampler, tmp_path: Path) -> None:
@@ -211,7 +303,9 @@ def test_the_validator_reports_nothing(sampler: PoseSampler, tmp_path: Path, rot
     )
     if done.returncode:
         pytest.skip("npm has no gltf-validator")
-    (path,) = write_gltf(sampler, tmp_path / "crowd.glb", fps=FPS, rotations=rotations)
+    places = np.random.default_rng(3).normal(size=(sampler.take.frame_count, 2, 3)).astype(np.float32)
+    shown = PoseSampler(replace(sampler.take, targets=places), sampler.policies)
+    path = write_posed(shown, tmp_path, [GlbOutput(fps=float(FPS), rotations=rotations, camera="fight")])["glb"][0]
     code = (
         "const v=require('gltf-validator'),f=require('fs');"
         "v.validateBytes(new Uint8Array(f.readFileSync(process.argv[1])))"

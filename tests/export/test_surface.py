@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from crowdsim.body.anatomy import Build
+from crowdsim.body.skin import build_skin
 from crowdsim.export.cloud_kernels import MOTION_COLUMNS, Bodies, Riders, Wanted, When, place_points
-from crowdsim.export.surface import build_surface
+from crowdsim.export.surface import build_skin_surface, build_surface
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import build_body
 from crowdsim.performer.session import perform
@@ -47,6 +49,34 @@ def test_points_are_spread_evenly(clip) -> None:
     np.fill_diagonal(gaps, np.inf)
     nearest = gaps.min(axis=1)
     assert np.percentile(nearest, 95) < 3.0 * np.percentile(nearest, 50)
+
+
+@pytest.mark.parametrize("count", [1, 500, 4000])
+def test_points_of_a_skin_are_spread_by_area_and_counted_to_what_carries_them(clip, count: int) -> None:
+    skin = build_skin(clip.skeleton, build_body(clip.skeleton), Build())
+    surface = build_skin_surface(skin, count)
+    np.testing.assert_allclose(surface.shares.sum(axis=1), 1.0)
+    assert surface.shares.min() >= 0.0
+    corners = surface.positions.astype(float)
+    points = np.einsum("kc,kcx->kx", surface.shares, corners)
+    owners = np.concatenate([np.arange(len(skin.parents)), skin.helpers])
+    for row in range(0, count, max(1, count // 40)):
+        carried = np.zeros(len(skin.parents))
+        for corner in range(3):
+            for slot in range(4):
+                weight = surface.weights[row, corner, slot] * surface.shares[row, corner]
+                carried[owners[surface.joints[row, corner, slot]]] += weight
+        assert carried[surface.labels[row]] > carried.max() - 1e-6
+    if count == 4000:
+        triangles = skin.vertices[skin.triangles].astype(float)
+        areas = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
+        for axis in range(3):
+            above = areas[triangles[:, :, axis].mean(axis=1) > 0.0].sum() / areas.sum()
+            assert abs((points[:, axis] > 0.0).mean() - above) < 0.02
+        gaps = np.linalg.norm(points[:1000, None] - points[None], axis=-1)
+        gaps[np.arange(1000), np.arange(1000)] = np.inf
+        nearest = gaps.min(axis=1)
+        assert np.percentile(nearest, 95) < 3.0 * np.percentile(nearest, 50)
 
 
 def test_points_ride_on_their_joints(clip) -> None:

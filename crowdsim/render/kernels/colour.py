@@ -19,14 +19,10 @@ from crowdsim.render.kernels.columns import (
     FLASH_X,
     FLASH_Y,
     FLAT,
-    GLOSS,
     HAZE,
     HORIZON_BLUE,
     HORIZON_GREEN,
     HORIZON_RED,
-    PAINT_BLUE,
-    PAINT_GREEN,
-    PAINT_RED,
     SKY_BLUE,
     SKY_GREEN,
     SKY_RED,
@@ -55,6 +51,10 @@ from crowdsim.render.kernels.tiles import (
     SHARE,
     SKY,
     SUN,
+    TINT_BLUE,
+    TINT_GLOSS,
+    TINT_GREEN,
+    TINT_RED,
     TINY,
     TWO,
     WAY,
@@ -66,9 +66,9 @@ from crowdsim.render.kernels.tiles import (
 
 
 @kernel(fastmath=FLAGS)
-def paint_points(buf, lit, count, camera, light, paints):
+def paint_points(buf, lit, count, camera, light):
     """Add the colour of every point to its pixel: sun, sky, light from the floor, gloss and haze."""
-    points, ids, pixels = lit.values, lit.ids, lit.pixels
+    points, pixels = lit.values, lit.pixels
     lx, ly, lz = F(light[SUN_X]), F(light[SUN_Y]), F(light[SUN_Z])
     height, haze = F(camera[EYE_Y]), F(1.0 / camera[HAZE])
     sun_red, sun_green, sun_blue = F(light[SUN_RED]), F(light[SUN_GREEN]), F(light[SUN_BLUE])
@@ -81,7 +81,7 @@ def paint_points(buf, lit, count, camera, light, paints):
         buf[GREEN + i] *= buf[REST + i]
         buf[BLUE + i] *= buf[REST + i]
     for p in range(N, count):
-        c, i = ids[p], pixels[p]
+        i = pixels[p]
         dx, dy, dz = buf[DX + i], buf[DY + i], buf[DZ + i]
         nx, ny, nz = points[NX + p], points[NY + p], points[NZ + p]
         free = points[SKY + p]
@@ -95,7 +95,7 @@ def paint_points(buf, lit, count, camera, light, paints):
         shine = shine * shine
         shine = shine * shine
         shine = shine * shine * shine
-        gloss = paints[c, GLOSS]
+        gloss = points[TINT_GLOSS + p]
         shine = gloss * min(TWO * sun, ONE) * shine * shine
         # At a grazing angle everything mirrors the sky.
         rim = max(ONE + nx * dx + ny * dy + nz * dz, ZERO)
@@ -105,9 +105,9 @@ def paint_points(buf, lit, count, camera, light, paints):
         far = far * far
         fog = thick * far / (ONE + far)
         share, clear = points[SHARE + p] * fog, points[SHARE + p] * (ONE - fog)
-        red = paints[c, PAINT_RED] * (sun_red * sun + sky_red * sky + low_red * floor) + shine + F(0.8) * rim
-        green = paints[c, PAINT_GREEN] * (sun_green * sun + sky_green * sky + low_green * floor) + shine + F(0.9) * rim
-        blue = paints[c, PAINT_BLUE] * (sun_blue * sun + sky_blue * sky + low_blue * floor) + shine + rim
+        red = points[TINT_RED + p] * (sun_red * sun + sky_red * sky + low_red * floor) + shine + F(0.8) * rim
+        green = points[TINT_GREEN + p] * (sun_green * sun + sky_green * sky + low_green * floor) + shine + F(0.9) * rim
+        blue = points[TINT_BLUE + p] * (sun_blue * sun + sky_blue * sky + low_blue * floor) + shine + rim
         buf[RED + i] += clear * red + share * far_red
         buf[GREEN + i] += clear * green + share * far_green
         buf[BLUE + i] += clear * blue + share * far_blue

@@ -87,8 +87,11 @@ def start_tile(buf, x0, y0, camera):
 
 
 @kernel(inline=True, fastmath=FLAGS)
-def _sort_in(buf, i, index, t, s, cover):
-    """Sort what a pixel meets in by distance."""
+def sort_in(buf, i, index, t, s, cover):
+    """Sort what a pixel meets in by distance.
+
+    A pixel keeps the two nearest that cover it wholly and the four nearest that cover a part of it.
+    """
     new_t = t if cover >= FULL else FAR
     front_t, front_s, front_i = buf[U(FRONT_T) + i], buf[U(FRONT_S) + i], buf[U(FRONT_I) + i]
     next_t, next_s, next_i = buf[U(NEXT_T) + i], buf[U(NEXT_S) + i], buf[U(NEXT_I) + i]
@@ -119,10 +122,7 @@ def _sort_in(buf, i, index, t, s, cover):
 
 @kernel(fastmath=FLAGS)
 def meet_cone(buf, start, stop, index, cone):
-    """Let the rays of pixels ``start`` to ``stop`` of a tile meet one rounded cone, and sort that in by distance.
-
-    A pixel keeps the two nearest that cover it wholly and the four nearest that cover a part of it.
-    """
+    """Let the rays of pixels ``start`` to ``stop`` of a tile meet one rounded cone, and sort that in by distance."""
     mx, my, mz, hx, hy, hz, r, k = cone
     hh = hx * hx + hy * hy + hz * hz
     # One end's sphere holds all others.
@@ -168,4 +168,4 @@ def meet_cone(buf, start, stop, index, cone):
         chord = rc * rc - dc if outside else chord
         t = t0 + s * hd - math.sqrt(max(chord, ZERO))
         cover = cover if t > NEAR else ZERO
-        _sort_in(buf, i, index, t, s, cover)
+        sort_in(buf, i, index, t, s, cover)

@@ -5,7 +5,19 @@ import math
 import numpy as np
 
 from crowdsim.jit import kernel
-from crowdsim.render.kernels.columns import CENTRE_X, CENTRE_Y, CENTRE_Z, EYE_Y, HALF_X, HALF_Y, HALF_Z
+from crowdsim.render.kernels.columns import (
+    CENTRE_X,
+    CENTRE_Y,
+    CENTRE_Z,
+    EYE_Y,
+    GLOSS,
+    HALF_X,
+    HALF_Y,
+    HALF_Z,
+    PAINT_BLUE,
+    PAINT_GREEN,
+    PAINT_RED,
+)
 from crowdsim.render.kernels.tiles import (
     DX,
     DY,
@@ -23,6 +35,14 @@ from crowdsim.render.kernels.tiles import (
     GROUND_X,
     GROUND_Z,
     HALF,
+    LAYER,
+    LAYER_BLUE,
+    LAYER_GLOSS,
+    LAYER_GREEN,
+    LAYER_RED,
+    LAYER_X,
+    LAYER_Y,
+    LAYER_Z,
     NEXT_I,
     NEXT_S,
     NEXT_T,
@@ -34,6 +54,10 @@ from crowdsim.render.kernels.tiles import (
     REST,
     SHARE,
     SPREAD,
+    TINT_BLUE,
+    TINT_GLOSS,
+    TINT_GREEN,
+    TINT_RED,
     WAY,
     WIDTH,
     WIDTH_X,
@@ -48,9 +72,9 @@ from crowdsim.render.kernels.tiles import (
 
 
 @kernel(fastmath=FLAGS)
-def _add_point(lit, count, buf, i, c, t, s, share, cones):
+def _add_point(lit, count, buf, i, c, t, s, share, scene):
     """Note that pixel ``i`` shows cone ``c`` at ``t``, where the normal points away from c(s)."""
-    points = lit.values
+    points, cones, paints = lit.values, scene.cones, scene.paints
     dx, dy, dz = buf[DX + i], buf[DY + i], buf[DZ + i]
     x, y, z = t * dx, t * dy, t * dz
     nx, ny, nz = (
@@ -62,7 +86,23 @@ def _add_point(lit, count, buf, i, c, t, s, share, cones):
     points[X + count], points[Y + count], points[Z + count] = x, y, z
     points[NX + count], points[NY + count], points[NZ + count] = nx * inverse, ny * inverse, nz * inverse
     points[WIDTH + count], points[SHARE + count], points[WAY + count] = t * buf[SPREAD + i], share, t
+    points[TINT_RED + count], points[TINT_GREEN + count] = paints[c, PAINT_RED], paints[c, PAINT_GREEN]
+    points[TINT_BLUE + count], points[TINT_GLOSS + count] = paints[c, PAINT_BLUE], paints[c, GLOSS]
     lit.ids[count], lit.pixels[count] = c, i
+
+
+@kernel(fastmath=FLAGS)
+def _add_layer(lit, count, buf, i, layer, t, share, layers):
+    """Note that pixel ``i`` shows a layer of skin at ``t``."""
+    points, values, at = lit.values, layers.values, layer * LAYER
+    points[X + count], points[Y + count], points[Z + count] = t * buf[DX + i], t * buf[DY + i], t * buf[DZ + i]
+    points[NX + count], points[NY + count] = values[at + LAYER_X], values[at + LAYER_Y]
+    points[NZ + count] = values[at + LAYER_Z]
+    points[WIDTH + count], points[SHARE + count], points[WAY + count] = t * buf[SPREAD + i], share, t
+    points[TINT_RED + count], points[TINT_GREEN + count] = values[at + LAYER_RED], values[at + LAYER_GREEN]
+    points[TINT_BLUE + count], points[TINT_GLOSS + count] = values[at + LAYER_BLUE], values[at + LAYER_GLOSS]
+    home = layers.homes[layer]
+    lit.ids[count], lit.pixels[count] = home if home >= 0 else NOTHING, i
 
 
 @kernel(fastmath=FLAGS)
@@ -83,12 +123,12 @@ def _share_crossing(buf, points, i, front, count, gap, rest):
 
 
 @kernel(fastmath=FLAGS)
-def gather_points(buf, listed, camera, scene, lit):
+def gather_points(buf, listed, has_skins, camera, scene, layers, lit):
     """List the points that a tile shows, each with its share of the pixel; return how many.
 
     From near to far, each edge covers its share of what is left, then the front covers the rest, or the floor does.
     """
-    points, ids, owners, cones = lit.values, lit.ids, scene.owners, scene.cones
+    points, ids, owners = lit.values, lit.ids, scene.owners
     ground = F(-camera[EYE_Y])
     for i in range(N):
         seen = (buf[DY + i] < F(-1e-6)) & (buf[FRONT_T + i] >= FAR)
@@ -97,7 +137,7 @@ def gather_points(buf, listed, camera, scene, lit):
         points[NX + i], points[NY + i], points[NZ + i] = ZERO, ONE, ZERO
         points[WIDTH + i] = HALF * min(buf[WIDTH_X + i], buf[WIDTH_Z + i])
     count = np.int64(N)
-    if listed.shape[0] == 0:
+    if listed.shape[0] == 0 and not has_skins:
         return count
     for i in range(N):
         front_t = buf[FRONT_T + i]
@@ -109,27 +149,33 @@ def gather_points(buf, listed, camera, scene, lit):
             t = buf[EDGE_T + o]
             if t >= front_t or t >= FAR:
                 break
-            c = listed[int(buf[EDGE_I + o])]
+            index = int(buf[EDGE_I + o])
             # Capsules of one limb share their outline: together they cover what the widest of them does.
-            if owners[c] != owner or t - last_t > F(0.12):
+            own = owners[listed[index]] if index >= 0 else NOTHING + index
+            if own != owner or t - last_t > F(0.12):
                 before = rest
-            owner, last_t = owners[c], t
+            owner, last_t = own, t
             left = min(rest, before * (ONE - buf[EDGE_C + o]))
             if rest - left < F(0.003):
                 continue
-            _add_point(lit, count, buf, i, c, t, buf[EDGE_S + o], rest - left, cones)
+            if index >= 0:
+                _add_point(lit, count, buf, i, listed[index], t, buf[EDGE_S + o], rest - left, scene)
+            else:
+                _add_layer(lit, count, buf, i, -1 - index, t, rest - left, layers)
             count += 1
             rest = left
         if front_t < FAR:
             front = count
-            c = listed[int(buf[FRONT_I + i])]
-            _add_point(lit, count, buf, i, c, front_t, buf[FRONT_S + i], rest, cones)
+            index, behind = int(buf[FRONT_I + i]), int(buf[NEXT_I + i])
+            if index >= 0:
+                _add_point(lit, count, buf, i, listed[index], front_t, buf[FRONT_S + i], rest, scene)
+            else:
+                _add_layer(lit, count, buf, i, -1 - index, front_t, rest, layers)
             count += 1
             gap = buf[NEXT_T + i] - front_t
-            if gap < F(12.0) * points[WIDTH + front]:
+            if gap < F(12.0) * points[WIDTH + front] and index >= 0 and behind >= 0:
                 # Two surfaces cross near the pixel: they share it by how far the crossing line is from its middle.
-                c = listed[int(buf[NEXT_I + i])]
-                _add_point(lit, count, buf, i, c, buf[NEXT_T + i], buf[NEXT_S + i], ZERO, cones)
+                _add_point(lit, count, buf, i, listed[behind], buf[NEXT_T + i], buf[NEXT_S + i], ZERO, scene)
                 count += _share_crossing(buf, points, i, front, count, gap, rest)
             rest = ZERO
         buf[REST + i] = rest

@@ -39,9 +39,10 @@ class Lists(NamedTuple):
 
 
 class Grids(NamedTuple):
-    """Cones of the tiles of the screen, of the grid of shadows and of the grid of contacts with the floor."""
+    """Cones of the tiles of the screen, of the grid of shadows and of the grid of contacts; triangles of the tiles."""
 
     tiles: Lists
+    faces: Lists
     shadows: Lists
     contacts: Lists
 
@@ -65,3 +66,43 @@ class Lit(NamedTuple):
     values: Array
     ids: Array
     pixels: Array
+
+
+class Skins(NamedTuple):
+    """Triangles of skins as one camera sees them; T triangles on V vertices.
+
+    Attributes:
+        triangles: Corners, counter-clockwise from outside. Shape (T, 3), int32.
+        owners: Avatar of each. Shape (T,), int32.
+        looks: Row of its paint. Shape (T,), int32.
+        homes: Cone that it lies on, -1 for none. Shape (T,), int32.
+        paints: Linear red, green, blue and gloss. Shape (P, 4), float32.
+        screen: x and y [px] of vertices, and one over their depth [1/m]. Shape (V, 3), float32.
+        normals: Of vertices, unit. Shape (V, 3), float32.
+    """
+
+    triangles: Array
+    owners: Array
+    looks: Array
+    homes: Array
+    paints: Array
+    screen: Array
+    normals: Array
+
+
+class Layers(NamedTuple):
+    """What the pixels of a tile show of skins.
+
+    Attributes:
+        samples: One over the depth of the nearest triangle at each sample, 0 for none; then which of the tile's
+            triangles that is. Eight columns a row of samples, four rows a row of pixels. Shape (2 * SAMPLES * N,),
+            float32.
+        values: Rows of layers, see ``tiles``. Shape (LAYER * SAMPLES * N,), float32.
+        homes: Cone that each layer lies on, -1 for none. Shape (SAMPLES * N,), int32.
+        focal: Focal length [px], float32.
+    """
+
+    samples: Array
+    values: Array
+    homes: Array
+    focal: float

@@ -256,7 +256,7 @@ def find_sky(lit, count, scene, grid, lists, room):
     stamps[-1] = stamp
     for first in range(N, count):
         c = ids[first]
-        if stamps[c] != stamp:
+        if c >= 0 and stamps[c] != stamp:
             stamps[c] = stamp
             for slot in range(neighbours.shape[1]):
                 if neighbours[c, slot] < 0:

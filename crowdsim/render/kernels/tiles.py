@@ -24,10 +24,16 @@ POINTS = 7 * N
 """Points to be lit in a tile: the floor in every pixel, then up to four edges and two crossing fronts a pixel."""
 X, Y, Z, NX, NY, NZ = 0, POINTS, 2 * POINTS, 3 * POINTS, 4 * POINTS, 5 * POINTS
 WIDTH, SHARE, SUN, SKY, WAY = 6 * POINTS, 7 * POINTS, 8 * POINTS, 9 * POINTS, 10 * POINTS
-POINT_SCRATCH = 11 * POINTS
+TINT_RED, TINT_GREEN, TINT_BLUE, TINT_GLOSS = 11 * POINTS, 12 * POINTS, 13 * POINTS, 14 * POINTS
+POINT_SCRATCH = 15 * POINTS
 TOGETHER = 48
 """Cones up to which all points of a tile meet each of them; beyond, eight points at a time look for fewer."""
 FLOOR, NOTHING = -1, -2
+SAMPLES = 4
+"""Samples of a pixel that skins are drawn with, so many layers at the most."""
+LAYER_X, LAYER_Y, LAYER_Z, LAYER_RED, LAYER_GREEN, LAYER_BLUE, LAYER_GLOSS = 0, 1, 2, 3, 4, 5, 6
+LAYER = 7
+"""Columns of a layer of skin: normal, linear colour and gloss; and their number."""
 AT_X, AT_Y, AT_Z, AT_NX, AT_NY, AT_NZ = U(X), U(Y), U(Z), U(NX), U(NY), U(NZ)
 AT_WIDTH, AT_SUN, AT_SKY = U(WIDTH), U(SUN), U(SKY)
 
