@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -110,4 +110,7 @@ def build_track(source: PoseSource, camera: Chosen, size: tuple[int, int], crowd
     # The sun is over the shoulder of the camera auto, so that shadows fall away from it and to the right.
     sun = sun_direction(crowd.facing + math.pi + 1.05)
     (one,) = resolve_camera(source, camera)
-    return Track(one.plan(Footage(source, crowd, size)), sun)
+    plan, lens = one.plan(Footage(source, crowd, size)), one.lens
+    if lens is None or lens.aperture == 0.0:
+        return Track(plan, sun)
+    return Track(lambda frame: replace(plan(frame), aperture=lens.aperture, focus=lens.focus), sun)

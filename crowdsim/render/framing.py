@@ -19,7 +19,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.render.crowd_path import Crowd, between, envelope, filled, smooth
-from crowdsim.render.view import View, directions, haze_distance
+from crowdsim.render.view import View, directions
 
 _ROOM = 0.93
 """Share of the picture's half width and height in which the crowd stays."""
@@ -153,12 +153,11 @@ def frame_crowd(crowd: Crowd, kind: str, size: tuple[int, int], field: float) ->
     eyes = np.concatenate([centres, along[:, None]], axis=1) @ basis
     eyes[:, 1] = np.maximum(eyes[:, 1], 0.35 * tall)
     distances = np.abs(smooth(middles, crowd) - eyes @ basis[2])
-    hazes = haze_distance(distances)
     # The view must not keep the crowd in memory.
     step = crowd.step
 
     def view(frame: float) -> View:
-        return View(between(eyes, frame / step), basis[2], basis[0], float(between(hazes, frame / step)), field)
+        return View(between(eyes, frame / step), basis[2], basis[0], float(between(distances, frame / step)), field)
 
     return view
 
@@ -219,7 +218,7 @@ class Rings:
         if distance is not None:
             target = np.array([centre[0], 0.5 * self.height, centre[1]])
             eye = target - basis[2] * (distance / math.cos(elevation))
-            return View(eye, basis[2], basis[0], float(haze_distance(np.array(distance))), field)
+            return View(eye, basis[2], basis[0], distance, field)
         limits = normals[:, [0, 2]] @ centre + np.hypot(normals[:, 0], normals[:, 2]) * radius
         limits += np.maximum(normals[:, 1] * 1.06 * self.height, 0.0)
         middle = float(centre @ basis[2, [0, 2]])
@@ -229,7 +228,7 @@ class Rings:
         _, up, ahead = (np.concatenate([feet, heads]) @ basis.T).T
         height = min(max(_centre(up, np.maximum(ahead - along, 0.3)), float(least[1])), float(most[1]))
         eye = np.array([float(np.insert(centre, 1, 0.0) @ basis[0]), height, float(along)]) @ basis
-        return View(eye, basis[2], basis[0], float(haze_distance(np.array(middle - float(eye @ basis[2])))), field)
+        return View(eye, basis[2], basis[0], middle - float(eye @ basis[2]), field)
 
 
 def rings_around(crowd: Crowd) -> Rings:
@@ -321,4 +320,4 @@ class CloseFrame:
         eye = self.eyes(centre, angles, limits)
         right, _, ahead = self._bases(angles)[0]
         away = float(np.hypot(*(eye[[0, 2]] - centre)))
-        return View(eye, ahead, right, float(haze_distance(np.array(away))), self.field)
+        return View(eye, ahead, right, away, self.field)

@@ -106,16 +106,21 @@ class Stage:
         )
         height, edges = self.size[1], self._edges()
         parts = [
-            draw(
-                capsules,
-                track.view(frame),
-                (right - left, height),
-                track.sun,
-                flashes,
-                threads,
-                self.source.arena,
-                self.look,
-                skins,
+            mean_light(
+                [
+                    draw(
+                        capsules,
+                        view,
+                        (right - left, height),
+                        track.sun,
+                        flashes,
+                        threads,
+                        self.source.arena,
+                        self.look,
+                        skins,
+                    )
+                    for view in track.view(frame).through_lens(height)
+                ]
             )
             for track, left, right in zip(self.tracks, edges[:-1], edges[1:], strict=True)
         ]
@@ -153,6 +158,8 @@ def mean_light(pictures: Sequence[Array]) -> Array:
     Args:
         pictures: Each of shape (height, width, 3 or 4), uint8.
     """
+    if len(pictures) == 1:
+        return pictures[0]
     light: Any = 0.0
     cover: Any = 0.0
     transparent = pictures[0].shape[2] == 4

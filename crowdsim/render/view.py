@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,8 @@ FIELD = math.radians(36.0)
 """Angle between the upper and lower edge of the picture [rad]."""
 HAZE, LEAST_HAZE = 3.6, 34.0
 """Haze hides half at so many times the distance to what a camera looks at, and no nearer than this [m]."""
+_APART, _FEWEST, _MOST = 2.5, 8, 64
+"""How far apart the pictures through a lens lie of what is furthest out of focus [px]; fewest and most of them."""
 _MIDDLE, _NEAREST = 1.0, 0.1
 """Height of the middle of an avatar, and half its extent; and least distance at which one is seen [m]."""
 _ROOM = 7.0
@@ -27,15 +29,44 @@ class View:
         eye: Its position [m]. Shape (3,).
         ahead: Unit direction in which it looks. Shape (3,).
         right: Unit direction to the right of the picture. Shape (3,).
-        haze: Distance at which haze hides half of what is seen [m].
+        distance: How far away what it looks at is [m].
         field: Angle between the upper and lower edge of the picture [rad].
+        aperture: Radius of the opening of the lens [m]; 0 where everything is sharp.
+        focus: Distance at which the picture is sharp [m]; that of what it looks at when None.
     """
 
     eye: Array
     ahead: Array
     right: Array
-    haze: float = 90.0
+    distance: float = 25.0
     field: float = FIELD
+    aperture: float = 0.0
+    focus: float | None = None
+
+    @property
+    def haze(self) -> float:
+        """Distance at which haze hides half of what is seen [m]."""
+        return max(HAZE * self.distance, LEAST_HAZE)
+
+    def through_lens(self, height: int) -> list[View]:
+        """Return views from points of the lens that look at one point in focus; their mean has depth of field.
+
+        Args:
+            height: Height of the picture [px].
+        """
+        if self.aperture <= 0.0:
+            return [self]
+        focus = self.distance if self.focus is None else self.focus
+        blur = self.aperture * height / math.tan(0.5 * self.field) / focus
+        count = min(max(math.ceil((blur / _APART) ** 2), _FEWEST), _MOST)
+        up, point, views = np.cross(self.right, self.ahead), self.eye + focus * self.ahead, []
+        for k in range(count):
+            radius, angle = self.aperture * math.sqrt((k + 0.5) / count), k * math.pi * (3.0 - math.sqrt(5.0))
+            eye = self.eye + radius * (math.cos(angle) * self.right + math.sin(angle) * up)
+            ahead = (point - eye) / np.linalg.norm(point - eye)
+            right = np.cross(ahead, up)
+            views.append(replace(self, eye=eye, ahead=ahead, right=right / np.linalg.norm(right), aperture=0.0))
+        return views
 
     def pack(self, width: int, height: int) -> Array:
         """Return the camera as the kernels want it for a picture of this size. Shape (16,), see ``draw_tiles``."""
@@ -75,16 +106,18 @@ def directions(azimuth: float, elevation: float) -> tuple[Array, Array, Array]:
     return right, np.cross(right, ahead), ahead
 
 
-def haze_distance(distances: Array) -> Array:
-    """Return where haze hides half of what is seen, for cameras at distances [m] from what they look at."""
-    return np.maximum(HAZE * distances, LEAST_HAZE)
+def look_at(eye: Array, target: Array, field: float = FIELD, distance: float | None = None) -> View:
+    """Return the view of an eye that looks at a target, ahead (+z) where it is there itself; both shapes (3,) [m].
 
-
-def look_at(eye: Array, target: Array, haze: float = 90.0, field: float = FIELD) -> View:
-    """Return the view of an eye that looks at a target, ahead (+z) where it is there itself; both shapes (3,) [m]."""
+    Args:
+        eye: The eye.
+        target: The target.
+        field: Angle between the upper and lower edge of the picture [rad].
+        distance: How far away what it looks at is [m]; the target when None.
+    """
     ahead = np.asarray(target, float) - np.asarray(eye, float)
     away = np.linalg.norm(ahead)
     ahead = ahead / away if away > 1e-9 else np.array([0.0, 0.0, 1.0])
     azimuth = math.atan2(ahead[0], ahead[2])
     right = np.array([-math.cos(azimuth), 0.0, math.sin(azimuth)])
-    return View(np.asarray(eye, float), ahead, right, haze, field)
+    return View(np.asarray(eye, float), ahead, right, float(away) if distance is None else distance, field)

@@ -22,7 +22,7 @@ Position = tuple[Metres, Metres, Metres]
 
 
 class Lens(StrictModel):
-    """How wide a camera sees: a field of view, or a focal length on a sensor."""
+    """How wide a camera sees: a field of view, or a focal length on a sensor; and what of it is sharp."""
 
     field_of_view: float | None = Field(
         default=None, ge=1, le=150, description="Angle between the upper and lower edge of the picture [degrees]."
@@ -31,6 +31,19 @@ class Lens(StrictModel):
     sensor: float = Field(
         default=24.0, ge=1, le=200, description="Height of the sensor that the focal length is on [mm]."
     )
+    f_number: float | None = Field(
+        default=None,
+        ge=0.5,
+        le=64,
+        description="Focal length over the diameter of the aperture: the less it is, the more is blurred that is out "
+        "of focus; everything is sharp without it. Beside field_of_view the sensor is 24 mm high.",
+    )
+    focus: float | None = Field(
+        default=None,
+        ge=0.1,
+        le=10000,
+        description="Distance at which the picture is sharp [m]; that of what the camera looks at without it.",
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Lens:
@@ -38,6 +51,8 @@ class Lens(StrictModel):
             raise Fault("expected either field_of_view or focal_length")
         if self.focal_length is None and "sensor" in self.model_fields_set:
             raise Fault("is given beside field_of_view, expected it beside focal_length only", "sensor")
+        if self.focus is not None and self.f_number is None:
+            raise Fault("is given without f_number: everything is sharp", "focus")
         if not 1.0 <= math.degrees(self.field) <= 150.0:
             raise Fault(f"sees {math.degrees(self.field):.3g} degrees, expected 1 to 150", "focal_length")
         return self
@@ -49,6 +64,11 @@ class Lens(StrictModel):
             return math.radians(self.field_of_view)
         assert self.focal_length is not None
         return 2.0 * math.atan(0.5 * self.sensor / self.focal_length)
+
+    @property
+    def aperture(self) -> float:
+        """Radius of the opening of the lens [m]; 0 where everything is sharp."""
+        return 0.0 if self.f_number is None else 0.5e-3 * self.sensor / math.tan(0.5 * self.field) / self.f_number / 2.0
 
 
 class Camera(StrictModel):

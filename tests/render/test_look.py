@@ -5,6 +5,7 @@ import colorsys
 import numpy as np
 import pytest
 from PIL import Image
+from pydantic import ValidationError
 from render_sources import Walkers, random_walk
 
 from crowdsim.errors import CrowdsimError
@@ -189,3 +190,23 @@ def test_avatars_of_cameras_that_cannot_be_are_an_error_of_the_camera(text):
 def test_a_lens_has_no_sensor_beside_its_field_of_view():
     with pytest.raises(ValueError, match="sensor"):
         Lens(field_of_view=40, sensor=36)
+
+
+def test_what_is_out_of_focus_is_blurred_as_the_lens_says():
+    paths = np.zeros((2, 2, 3))
+    paths[:, :, 0], paths[:, :, 1] = [-0.6, 1.5], [0.0, -6.0]  # 4 m and 10 m from the camera
+    size, shown = (240, 160), {}
+    for focus in (None, 4.0, 10.0):
+        keys = {} if focus is None else {"f_number": 1.0, "focus": focus}
+        camera = KINDS["fixed"](kind="fixed", position=(0, 1, 4), lens={"focal_length": 50.0, **keys})
+        stage = build_stage(Walkers(paths), size, camera, Look(caption=False, grid=False, background="white"))
+        shown[focus] = stage.picture(0).astype(float)
+    near, far = np.s_[:, :100], np.s_[:, 110:]
+    for focus, sharp, soft in ((4.0, near, far), (10.0, far, near)):
+        changed = [np.abs(shown[focus][part] - shown[None][part]).mean() for part in (sharp, soft)]
+        assert changed[0] < 0.35 * changed[1]
+        assert abs(shown[focus].mean() - shown[None].mean()) < 3.0
+    lens = Lens(focal_length=50.0, f_number=2.0)
+    assert lens.aperture == pytest.approx(0.0125)
+    with pytest.raises(ValidationError, match="is given without f_number"):
+        Lens(focal_length=50.0, focus=3.0)

@@ -163,7 +163,7 @@ def test_a_scene_far_from_the_origin_looks_like_one_at_it():
     moved[:, 3:6] += shift
     far = draw(
         Capsules(moved.astype(np.float32), scene.paints, scene.owners),
-        View(VIEW.eye + shift, VIEW.ahead, VIEW.right),
+        View(VIEW.eye + shift, VIEW.ahead, VIEW.right, VIEW.distance),
         (160, 96),
         SUN,
     )
@@ -192,7 +192,7 @@ def shares_of_sun(scene, view, size=(64, 64)):
 def test_shadows_lie_where_rays_to_the_sun_are_stopped():
     right, _, ahead = directions(0.4, math.pi / 2)
     eye = np.array([0.0, 14.0, 0.0])
-    view = View(eye, ahead, right, 1e6, math.radians(25.0))
+    view = View(eye, ahead, right, 3e5, math.radians(25.0))
     scene = capsules([-0.8, 1.0, 0.2, 0.6, 1.3, -0.4, 0.15, 0.3], [0.9, 0.6, 0.9, 0.9, 0.6, 0.9, 0.2, 0.2])
     cone = [
         np.concatenate(
@@ -226,7 +226,7 @@ def test_shadows_lie_where_rays_to_the_sun_are_stopped():
 
 def test_a_lone_ball_does_not_shade_itself():
     scene = capsules([0, 5, 0, 0, 5, 0, 1, 1])
-    view = look_at(np.array([0, 5, 0]) + 6 * SUN, np.array([0, 5.0, 0]), 1e6)
+    view = look_at(np.array([0, 5, 0]) + 6 * SUN, np.array([0, 5.0, 0]), distance=3e5)
     red = draw(scene, view, (96, 96), SUN)[..., 0].astype(float)
     y, x = np.mgrid[:96, :96] - 47.5
     inside = np.hypot(x, y) < 20
@@ -240,7 +240,7 @@ def test_shadows_touch_figures_on_the_floor():
     scene = capsules([0, 0.05, 0, 0, 1.7, 0, 0.05, 0.05])
     away = -SUN * [1, 0, 1] / np.linalg.norm(SUN[[0, 2]])
     right, _, ahead = directions(0.0, math.pi / 2)
-    view = View(np.array([0.0, 9.0, 0.0]), ahead, right, 1e6, math.radians(20.0))
+    view = View(np.array([0.0, 9.0, 0.0]), ahead, right, 3e5, math.radians(20.0))
     picture = shares_of_sun(scene, view, (256, 256))
     metre = 128 / (9.0 * math.tan(math.radians(10.0)))
     for way in (0.12, 0.3, 0.6, 1.0):
@@ -257,7 +257,7 @@ def test_the_floor_is_the_mean_of_its_squares_over_a_pixel(x, wide):
 
 
 def test_squares_fade_out_where_a_pixel_holds_several():
-    view = look_at(np.array([0.0, 2.0, 0.0]), np.array([0.3, 1.8, 5.0]), 1e5)
+    view = look_at(np.array([0.0, 2.0, 0.0]), np.array([0.3, 1.8, 5.0]), distance=3e4)
     empty = Capsules(np.zeros((0, 8), np.float32), np.zeros((0, 4), np.float32), np.zeros(0, np.int32))
     picture = draw(empty, view, (320, 200), SUN)[..., 0].astype(float)
     horizon = int(100 - 100 * math.tan(math.atan2(0.2, 5.0)) / math.tan(math.radians(18.0)))
@@ -329,7 +329,7 @@ def test_capsules_that_show_thinner_than_a_pixel_cast_no_shadow_of_their_own():
     rows = [[0, 1, 0, 0, 2, 0, 0.05, 0.05], [1, 1, 0, 1, 2, 0, 0.3, 0.3]]
     right, _, ahead = directions(0.4, math.pi / 2)
     for height, cast in ((8.0, (True, True)), (90.0, (False, True))):
-        view = View(np.array([0.0, height, 0.0]), ahead, right, 1e6, math.radians(50.0))
+        view = View(np.array([0.0, height, 0.0]), ahead, right, 3e5, math.radians(50.0))
         ratios = [shares_of_sun(capsules(row), view, (256, 256)) for row in rows]
         foot = -SUN * 1.5 / SUN[1]
         up = np.cross(view.right, view.ahead)
@@ -341,7 +341,7 @@ def test_capsules_that_show_thinner_than_a_pixel_cast_no_shadow_of_their_own():
             assert (around.min() < 0.93) == shaded
 
 
-ABOVE = View(np.array([1.0, 12.0, -2.0]), np.array([0.0, -1.0, 0.0]), np.array([-1.0, 0.0, 0.0]), haze=1e6)
+ABOVE = View(np.array([1.0, 12.0, -2.0]), np.array([0.0, -1.0, 0.0]), np.array([-1.0, 0.0, 0.0]), distance=3e5)
 
 
 def floor_points(view, size):
@@ -372,7 +372,7 @@ def test_a_white_line_surrounds_the_arena_and_the_floor_outside_is_darker(kind):
 
 
 def test_the_line_around_an_arena_is_seen_from_far_away_too():
-    far = look_at(np.array([0.0, 60.0, 90.0]), np.zeros(3), haze=1e6)
+    far = look_at(np.array([0.0, 60.0, 90.0]), np.zeros(3), distance=3e5)
     arena = np.array([1.0, 0.0, 0.0, 20.0, 20.0])
     plain, picture = (draw(capsules(), far, (320, 180), SUN, arena=a).astype(int).sum(axis=-1) for a in (None, arena))
     column = (picture - plain)[:, 160]

@@ -24,6 +24,8 @@ _FIELD = 70.0
 """Field of view without a lens [degrees]."""
 _FACE = 0.16
 """How far before the middle of the head the eyes are [m]: no camera sees its own nose."""
+_SEES = 25.0
+"""How far it looks [m]."""
 _SCALE = 400.0
 
 
@@ -49,7 +51,7 @@ class EyeCamera(Camera):
         def view(frame: float) -> View:
             place = between(heads, frame / step)
             ahead = place[3:] / np.linalg.norm(place[3:])
-            return look_at(place[:3] + _FACE * ahead, place[:3] + ahead, 90.0, field)
+            return look_at(place[:3] + _FACE * ahead, place[:3] + ahead, field, _SEES)
 
         return view
 

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from crowdsim.config.files import Fault
-from crowdsim.render.view import View, haze_distance, look_at
+from crowdsim.render.view import View, look_at
 from crowdsim.scenario.camera import AvatarRef, Camera, Position, avatar_number
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ class FixedCamera(Camera):
         eye, field = np.array(self.position, float), self.field
         if self.avatar is None:
             target = np.array(self.look_at or (0.0, 1.0, 0.0), float)
-            still = look_at(eye, target, float(haze_distance(np.array(np.linalg.norm(target - eye)))), field)
+            still = look_at(eye, target, field)
             return lambda frame: still
         number = avatar_number(self.avatar, footage.source.avatar_names)
         path, height = footage.path(number, 0.5), _CHEST * float(footage.source.avatar_heights[number])
@@ -54,10 +54,9 @@ class FixedCamera(Camera):
         def view(frame: float) -> View:
             x, z = path(frame)
             target = np.array([x, height, z])
-            away = float(np.linalg.norm(target - eye))
-            if away < _NEAREST:
+            if np.linalg.norm(target - eye) < _NEAREST:
                 target = eye + np.array([0.0, 0.0, _NEAREST])
-            return look_at(eye, target, float(haze_distance(np.array(away))), field)
+            return look_at(eye, target, field)
 
         return view
 

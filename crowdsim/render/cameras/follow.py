@@ -11,7 +11,7 @@ from pydantic import Field
 
 from crowdsim.core.types import Array
 from crowdsim.render.crowd_path import between, hann
-from crowdsim.render.view import View, haze_distance, look_at
+from crowdsim.render.view import View, look_at
 from crowdsim.render.viewpoints import HEADINGS, find_course
 from crowdsim.scenario.camera import AvatarRef, Camera, avatar_number
 
@@ -70,8 +70,7 @@ class FollowCamera(Camera):
             heading, turn = float(between(headings, frame / step)), float(between(turns, frame / step))
             eye = np.array([x - distance * math.sin(turn), height, z - distance * math.cos(turn)])
             target = np.array([x + lead * math.sin(heading), 0.5 * tall, z + lead * math.cos(heading)])
-            away = float(np.linalg.norm(target - eye))
-            return look_at(eye, target, float(haze_distance(np.array(away))), field)
+            return look_at(eye, target, field)
 
         return view
 

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from crowdsim.config.files import Fault, StrictModel
-from crowdsim.render.view import View, haze_distance, look_at
+from crowdsim.render.view import View, look_at
 from crowdsim.scenario.camera import Camera, Position
 from crowdsim.scenario.parts import MAXIMUM_SECONDS
 
@@ -61,8 +61,7 @@ class PathCamera(Camera):
                 + t * t * (3 - 2 * t) * both[j]
                 + span * t * (1 - t) * ((1 - t) * slopes[i] - t * slopes[j])
             )
-            away = float(np.linalg.norm(place[:3] - place[3:]))
-            return look_at(place[:3], place[3:], float(haze_distance(np.array(away))), field)
+            return look_at(place[:3], place[3:], field)
 
         return view
 
