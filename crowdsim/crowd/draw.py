@@ -121,6 +121,7 @@ def draw_crowd(scenario: Scenario, policies: Sequence[Policy], placed: Array | N
 def _cast(scenario: Scenario, types: Array, drawn: Mapping[str, Array], policies: Sequence[Policy]) -> Cast:
     """Return what is constant for each avatar; ``drawn`` are its numbers by the keys of types."""
     kinds = list(scenario.types.values())
+    has_names = any(group.rows for group in scenario.groups)
     colours = [[np.nan] * 3 if kind.colour is None else _rgb(kind.colour) for kind in kinds]
     return Cast(
         names=np.array(scenario.avatar_names()),
@@ -133,6 +134,8 @@ def _cast(scenario: Scenario, types: Array, drawn: Mapping[str, Array], policies
         colours=np.array(colours, float).reshape(-1, 3),
         **{field: drawn[key].astype(np.float32) for key, field in _DRAWN.items()},
         stances=draw_stances(scenario, types),
+        groups=groups_of_avatars(scenario) if has_names else np.zeros(0),
+        group_names=tuple(scenario.group_names) if has_names else (),
     )
 
 
@@ -227,7 +230,7 @@ def unlearned_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]
                 scenario.types[name].policy: None
                 for group in scenario.groups
                 if event.group in (None, group.name)
-                for name in ([group.type] if group.type is not None else group.mix or {})
+                for name in group.types
             }
             for policy in concerned:
                 check(("events", index, "behaviours"), event.behaviours, policy)

@@ -17,8 +17,41 @@ Avatars and targets are at most 4,000 m from the origin along x and z: takes and
 steps are a quarter of a millimetre there, and further away they would show.
 `crowdsim validate FILE` reports every error in a file; `--set groups[0].count=12` changes a key for one run.
 A file has at most 1 MiB of UTF-8, 100,000 values, 64 levels, 10,000 keys in a mapping, and 10,000 types, groups and
-events each. Of more than 100 findings the first 100 are reported. Files of points lie in the scenario's folder or below
-it.
+events each. Of more than 100 findings the first 100 are reported. Files of points and tables lie in the scenario's
+folder or below it.
+
+## Avatars from a table
+
+A table names each avatar, and may give each one a heading, a type and a team. The names are those in lists, files,
+labels and messages, and those that cameras and `--avatars` take. `cast.csv`:
+
+```csv
+name,x [m],z [m],heading [degrees],type,team
+Anna,-1,0,90,quick,red
+Cleo,-1.5,1.5,,quick,red
+Ben,1,0,-90,heavy,blue
+Dov,1.5,1.5,,,blue
+```
+
+```yaml
+version: 1
+name: cast
+duration: 20s
+types:
+  quick: {policy: boxer, speed: 1.1}
+  heavy: {policy: boxer, scale: 1.1, girth: 1.2}
+groups:
+- {name: four, type: heavy, placement: {kind: table, file: cast.csv}}
+opponents: {kind: other_team}
+outputs:
+  bvh: {avatars: [Anna, blue]}
+```
+
+Columns have any order, and may have a unit behind their name. An empty cell is as the group says: Dov is of type
+`heavy`, and avatars without a heading look at the middle of the group. The column `number`, from 0, says in which order
+avatars are numbered; without it that is the order of rows. A `count` below the number of rows takes the first ones. No
+avatar is called like a group, a team or a type, and names differ in more than capitals. `crowdsim validate` reports
+what is wrong with line and column of the table too.
 
 <!-- Written from the schema by crowdsim.scenario.reference; do not edit. -->
 """

@@ -212,11 +212,11 @@ def test_the_reference_page_links_to_sections_that_it_has():
         ("name: blue", "name: Red", "9:12: groups[1].name: is 'Red' like groups[0], expected a name of its own"),
         ("count: 3", "count: 0", "8:48: groups[0].count: is 0, expected a whole number from 1 to 10000000"),
         ("placement: {kind: grid}", "placement: {kind: gird}",
-         "8:69: groups[0].placement.kind: is 'gird', expected 'grid', 'ring', 'line', 'army', 'disc' or 'points' "
-         "(did you mean 'grid'?)"),
+         "8:69: groups[0].placement.kind: is 'gird', expected 'grid', 'ring', 'line', 'army', 'disc', 'points' or "
+         "'table' (did you mean 'grid'?)"),
         ("placement: {kind: grid}", "placement: {kidn: grid}",
-         "8:63: groups[0].placement.kidn: unknown key, expected kind: 'grid', 'ring', 'line', 'army', 'disc' or "
-         "'points' (did you mean 'kind'?)"),
+         "8:63: groups[0].placement.kidn: unknown key, expected kind: 'grid', 'ring', 'line', 'army', 'disc', "
+         "'points' or 'table' (did you mean 'kind'?)"),
         ("placement: {kind: grid}", "placement: {kind: grid, centre: [1, 0, 2]}",
          "8:83: groups[0].placement.centre: has 3 items, expected a list of two numbers, x and z [m]"),
         ("placement: {kind: grid}", "placement: {kind: disc, radius: 0}",
