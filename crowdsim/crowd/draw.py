@@ -20,7 +20,9 @@ from crowdsim.crowd.plan import (
     hysteresis_of,
     plan_changes,
     plan_end,
+    plan_entries,
     plan_path,
+    plan_travels,
     set_opponents,
     weights_of,
 )
@@ -31,6 +33,7 @@ from crowdsim.scenario.distributions import middle
 from crowdsim.scenario.events import (
     FightEvent,
     FleeEvent,
+    LeaveEvent,
     RemoveEvent,
     RestEvent,
     RetargetEvent,
@@ -103,7 +106,7 @@ def draw_crowd(scenario: Scenario, policies: Sequence[Policy], placed: Array | N
         cohort=cohort.reshape(-1).astype(np.int16),
         skip=skip,
         fixed=fixed,
-        present=np.array([not one.waits for one in scenario.groups])[group],
+        present=np.array([not one.comes_later for one in scenario.groups])[group],
         **_preferences(scenario, policies, cohorts, rate),
         arena=pack_arena(scenario.arena),
         crowding=_crowding(scenario),
@@ -111,6 +114,8 @@ def draw_crowd(scenario: Scenario, policies: Sequence[Policy], placed: Array | N
         conditioned=is_conditioned(scenario),
         temperaments=temperaments_of(scenario, types, drawn["tempo"], drawn["aggression"], drawn["range"]),
         targets=tuple(map(plan_path, scenario.targets.values())),
+        travels=plan_travels(scenario, rate),
+        entries=plan_entries(scenario),
         until=plan_end(scenario.until, scenario.linger),
         frames=scenario.control_frames(rate),
         pre_roll=round(scenario.pre_roll_seconds * rate),
@@ -237,7 +242,7 @@ def unlearned_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]
     return list(dict.fromkeys(findings))
 
 
-_OF_MODES = (FleeEvent, WatchEvent, RestEvent, FightEvent, RemoveEvent)
+_OF_MODES = (FleeEvent, WatchEvent, RestEvent, FightEvent, RemoveEvent, LeaveEvent)
 """Events that set what avatars do about their opponents, or leave them without any."""
 
 
@@ -252,6 +257,7 @@ def is_conditioned(scenario: Scenario) -> bool:
             for kind in kinds
         )
         or any(isinstance(event, _OF_MODES) for event in scenario.events)
+        or any(group.enter is not None for group in scenario.groups)
         or any(attackers_of(one) > 0 for one in opponents)
     )
 

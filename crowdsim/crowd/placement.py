@@ -41,7 +41,8 @@ def place_groups(scenario: Scenario) -> Array:
         start, stop = int(starts[i]), int(starts[i + 1])
         _place(scenario, i, start, stop, x, z, headings)
         _check_distance(scenario, i, start, x[start:stop], z[start:stop])
-        _check_arena(scenario, i, start, x[start:stop], z[start:stop])
+        if groups[i].placement is not None:
+            _check_arena(scenario, i, start, x[start:stop], z[start:stop])
     _check_conflicts(scenario, starts, x, z)
     team = teams_of_avatars(scenario)
     for i in range(len(groups)):
@@ -71,7 +72,10 @@ def _place(scenario: Scenario, index: int, start: int, stop: int, x: Array, z: A
     """Write positions and the placement's own headings of one group."""
     group = scenario.groups[index]
     placement, count, here = group.placement, group.count, slice(start, stop)
-    if isinstance(placement, DiscPlacement):
+    if placement is None and group.enter is not None:
+        (x[here], z[here]), there = group.enter.path[0], group.enter.path[1]
+        heading[here] = _bearing(there, x[here], z[here])
+    elif isinstance(placement, DiscPlacement):
         _throw(scenario, index, placement, start, stop, x, z)
         heading[here] = _bearing(placement.centre, x[here], z[here])
     elif isinstance(placement, GridPlacement):
@@ -134,8 +138,8 @@ def _throw(scenario: Scenario, index: int, placement: DiscPlacement, start: int,
     squares = _squares(least, stop, x, z)
     first = 0
     for group in scenario.groups[:index]:
-        # Groups that wait find their way among others when they are added (``entering``).
-        if not group.waits and not scenario.groups[index].waits:
+        # Groups that come later find their way among others when they are added (``entering``).
+        if not group.comes_later and not scenario.groups[index].comes_later:
             insert_points(squares, first, first + group.count)
         first += group.count
     seeds = stream(scenario.seed, Purpose.PLACE)
@@ -178,12 +182,14 @@ def _check_arena(scenario: Scenario, index: int, first: int, x: Array, z: Array)
 def _check_conflicts(scenario: Scenario, starts: Array, x: Array, z: Array) -> None:
     """Refuse avatars at one position, which given points, or groups placed independently, can bring about.
 
-    A group that waits finds its way among others when it is added (``entering``).
+    A group that comes later finds its way among others when it is added (``entering``).
     """
     groups = scenario.groups
-    at_once = [[i for i, group in enumerate(groups) if not group.waits]]
-    for some in at_once + [[i] for i, group in enumerate(groups) if group.waits]:
-        kinds = {groups[i].placement.kind for i in some}
+    at_once = [[i for i, group in enumerate(groups) if not group.comes_later]]
+    for some in at_once + [[i] for i, group in enumerate(groups) if group.comes_later]:
+        kinds = {placement.kind for i in some if (placement := groups[i].placement) is not None}
+        if not kinds:
+            continue
         if kinds <= {"disc"} or (len(some) == 1 and not kinds & {"points", "table"}):
             continue
         numbers = np.concatenate([np.arange(starts[i], starts[i + 1]) for i in some])

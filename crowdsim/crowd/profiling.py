@@ -53,11 +53,10 @@ def with_avatars(scenario: Scenario, count: int) -> Scenario:
     across = math.sqrt(factor)
     data = scenario.model_dump(exclude_none=True)
     for index, group in enumerate(data["groups"]):
-        placement = group["placement"]
-        if placement["kind"] in ("points", "line", "table"):
-            raise ScenarioError(
-                f"groups[{index}].placement: {placement['kind']} does not grow, expected grid, ring, army or disc"
-            )
+        placement = group.get("placement", {"kind": "no placement"})
+        kind = "enter" if "enter" in group else placement["kind"]
+        if kind in ("points", "line", "table", "enter"):
+            raise ScenarioError(f"groups[{index}].placement: {kind} does not grow, expected grid, ring, army or disc")
         group["count"] = max(1, round(group["count"] * factor))
         if placement["kind"] == "ring":
             placement["radius"] *= max(1.0, factor)

@@ -99,12 +99,18 @@ def _reference_findings(data: dict[str, Any], groups: list[dict[str, Any]], name
             yield from _refer(("events", i, "when", "team"), when.get("team"), "team", teams)
         if event.get("kind") == "add" and isinstance(named, str) and named in known:
             added.add(named)
-            if groups[known[named]].get("waits", False) is False:
+            if groups[known[named]].get("waits", False) is False and not _goes_away(data, named):
                 what = f"{show(named)}, which is there from the start, expected a group with 'waits: true'"
                 yield Finding(("events", i, "group"), what)
     for i, group in enumerate(groups):
         if group.get("waits") is True and names[i] not in added:
             yield Finding(("groups", i, "waits"), "no event adds the group, expected one of kind 'add'")
+
+
+def _goes_away(data: dict[str, Any], group: str) -> bool:
+    """Return whether an event lets a group go away, or everyone."""
+    events = [_mapping(item) for item in _list(data.get("events"))]
+    return any(event.get("kind") in ("leave", "remove") and event.get("group") in (None, group) for event in events)
 
 
 def sense_findings(scenario: Description) -> list[Finding]:

@@ -24,6 +24,10 @@ def fight_findings(scenario: Description) -> Iterator[Finding]:
             yield Finding(("types", name, "range"), what)
     by_name = dict(zip(scenario.group_names, scenario.groups, strict=True))
     for i, event in enumerate(scenario.events):
+        if event.kind == "leave" and event.health_below is not None:
+            concerned = [group for name, group in by_name.items() if event.group in (None, name)]
+            if concerned and not any(_hurt(scenario, group) for group in concerned):
+                yield Finding(("events", i, "health_below"), f"nothing hurts these avatars, {_NEEDS_DAMAGE}")
         when = event.when
         if when.kind not in ("down", "health_below") or (when.group is not None and when.group not in by_name):
             continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any, ClassVar, Literal, get_args
@@ -16,6 +17,8 @@ from crowdsim.scenario.parts import FARTHEST, Name, Point, Weights
 from crowdsim.scenario.tables import Cell, Row, TableError, at, read_table
 
 MAXIMUM_AVATARS = 10_000_000
+_LEAST_LEG = 0.1
+"""How far apart the points of a path are at the least [m]."""
 
 Distance = Annotated[float, Field(ge=0.1, le=1000)]
 Degrees = Annotated[float, Field(ge=-360, le=360)]
@@ -183,6 +186,55 @@ Placement = Annotated[
     GridPlacement | RingPlacement | LinePlacement | ArmyPlacement | DiscPlacement | PointsPlacement | TablePlacement,
     Field(discriminator="kind"),
 ]
+PACES = {"walk": 1.2, "run": 2.6}
+"""The speed that avatars of scale 1 are to travel at [m/s]; they run a little slower."""
+Gait = Annotated[
+    Literal["walk", "run"],
+    Field(
+        description="How avatars travel, in their guard and as far as their policy's motion allows: `walk`, at about "
+        "1.3 m/s, or `run`, at about 2.4 m/s."
+    ),
+]
+Until = Literal["attacked", "end"]
+
+
+def check_path(points: tuple[Point, ...], least: int) -> None:
+    """Raise a fault where a path has too few points, or two in a row that are one.
+
+    Raises:
+        Fault: The path is none.
+    """
+    if len(points) < least:
+        what = "where avatars appear, and where they go" if least > 1 else "where avatars go"
+        raise Fault(f"has {len(points)} point{'s'[: len(points) != 1]}, expected {least} or more: {what}", "path")
+    for i in range(1, len(points)):
+        if math.dist(points[i - 1], points[i]) < _LEAST_LEG:
+            what = f"is nearer than {_LEAST_LEG} m to the point before it, expected a way between them"
+            raise Fault(what, "path", i)
+
+
+class Entrance(StrictModel):
+    """Avatars enter one by one along a path."""
+
+    path: tuple[Point, ...] = Field(
+        description="Points, x and z each [m]: avatars appear at the first one, and travel to the others in turn."
+    )
+    rate: float = Field(
+        default=0.5, gt=0, le=100, description="Avatars that enter per second, while the start is free."
+    )
+    gait: Gait = "walk"
+    until: Until = Field(
+        default="attacked",
+        description="`attacked`: an avatar at which another one strikes fights from then on; `end`: none fights before "
+        "it is at the end of its path.",
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Entrance:
+        check_path(self.path, 2)
+        return self
+
+
 Facing = Literal["placement", "centre", "outwards", "enemies", "random"] | Degrees
 
 Hysteresis = Annotated[float, Field(ge=0, le=100)]
@@ -315,7 +367,16 @@ class Group(StrictModel):
         description="Number of avatars; of a placement `table`, without it as many as the table has rows.",
         json_schema_extra=_without_default,
     )
-    placement: Placement = Field(description="Positions at the start.")
+    placement: Placement | None = Field(
+        default=None,
+        description="Positions at the start; of a group that enters along a path, where each avatar goes behind it: "
+        "without it none goes any further.",
+    )
+    enter: Entrance | None = Field(
+        default=None,
+        description="How avatars enter one by one along a path, and fight at its end; without it they are there at "
+        "once. With `waits` the first one enters when an event adds the group.",
+    )
     facing: Facing = Field(
         default="placement",
         description="Headings at the start: `placement` (as the placement says), `centre` or `outwards` (to or "
@@ -328,6 +389,8 @@ class Group(StrictModel):
     def _check(self) -> Group:
         if self.mix is not None and not sum(self.mix.values()) > 0:
             raise Fault("all weights are 0, expected one above 0", "mix")
+        if self.placement is None and self.enter is None:
+            raise Fault("missing, expected a mapping with 'kind', or 'enter' with a path", "placement")
         if not isinstance(self.placement, TablePlacement):
             if (self.type is None) == (self.mix is None):
                 raise Fault("has {} 'type' {} 'mix', expected one of them".format(*_both_or_none(self.type)))
@@ -351,6 +414,11 @@ class Group(StrictModel):
     def rows(self) -> tuple[Row, ...]:
         """The rows of the table that places the avatars, one for each; none where no table does."""
         return self.placement.rows[: self.count] if isinstance(self.placement, TablePlacement) else ()
+
+    @property
+    def comes_later(self) -> bool:
+        """Whether its avatars enter during the run, by an event or along a path."""
+        return self.waits or self.enter is not None
 
     @property
     def types(self) -> list[str]:

@@ -53,6 +53,43 @@ avatars are numbered; without it that is the order of rows. A `count` below the 
 avatar is called like a group, a team or a type, and names differ in more than capitals. `crowdsim validate` reports
 what is wrong with line and column of the table too.
 
+## Entrances and exits
+
+The avatars of a group with `enter` appear one by one at the start of a path, walk or run along it, and then fight. An
+event of kind `leave` lets avatars go away along a path, at whose end they leave the scene.
+
+```yaml
+version: 1
+name: door
+duration: 40s
+types: {boxer: {policy: boxer_crowd, damage: {}}}
+groups:
+- {name: red, team: red, type: boxer, count: 3, placement: {kind: line, start: [-1.5, 0], end: [1.5, 0]}}
+- {name: blue, team: blue, type: boxer, count: 3, enter: {path: [[-2, -8], [0, -4.5], [0, -2.5]], rate: 1}}
+- name: late
+  team: blue
+  type: boxer
+  count: 4
+  waits: true
+  enter: {path: [[9, 4], [5, 4]], rate: 2, gait: run, until: end}
+  placement: {kind: grid, centre: [3, 4]}
+opponents: {kind: other_team}
+events:
+- {kind: add, group: late, when: {kind: seconds, seconds: 10}}
+- {kind: leave, group: blue, health_below: 40, path: [[0, -4.5], [-2, -8]], when: {kind: frame, frame: 0}}
+- {kind: leave, group: red, path: [[-8, 0]], gait: run, when: {kind: seconds, seconds: 30}}
+```
+
+An avatar enters when its time has come, at `rate` avatars per second, and the start is free; until then it waits, and
+the others behind it. It looks along the path. A group that has a `placement` too goes on to that from the end of its
+path, each avatar to its own position. A path leads straight from point to point; avatars go around bodies on the
+floor and avoid one another, and cross the border of an arena. On its way an avatar has no opponent and throws no
+strikes, but others may fight it: by default one that enters fights back from then on (`until: attacked`), and one
+that leaves does not (`until: end`). Those that are knocked down go on when they are up, and those that stay down
+stay. Opponents of avatars that leave follow them; an event of kind `rest` or `watch` keeps them back. Avatars travel
+by the motion that their policy has, in their guard: `crowdsim validate` warns where that is clearly slower than the
+gait.
+
 <!-- Written from the schema by crowdsim.scenario.reference; do not edit. -->
 """
 

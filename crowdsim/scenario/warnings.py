@@ -12,11 +12,14 @@ import numpy as np
 from crowdsim.config.files import Finding
 from crowdsim.errors import nearest
 from crowdsim.scenario.distributions import limits
-from crowdsim.scenario.groups import CircleTarget, Opponents, TablePlacement, Target, TargetOpponents
+from crowdsim.scenario.groups import PACES, CircleTarget, Group, Opponents, TablePlacement, Target, TargetOpponents
 from crowdsim.scenario.parts import AvatarType
 
 if TYPE_CHECKING:
     from crowdsim.scenario.scenario import Scenario
+
+_CLEARLY = 0.7
+"""Share of a gait's speed below which the motion of a policy is clearly slower."""
 
 
 def policy_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
@@ -31,6 +34,7 @@ def policy_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, An
         *speed_warnings(scenario, statistics),
         *fall_warnings(scenario, statistics),
         *rest_warnings(scenario, statistics),
+        *gait_warnings(scenario, statistics),
     ]
 
 
@@ -68,6 +72,29 @@ def rest_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any]
                 "'rest: {}', and 'motion.performer.rests' or capture of people who stand at ease"
             )
             findings.append(Finding(("events", number, "kind"), what))
+    return findings
+
+
+def gait_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
+    """Return a finding for each gait that is clearly faster than the motion of a policy is."""
+    groups, findings = scenario.groups, []
+    travels: list[tuple[tuple[str | int, ...], str, list[Group]]] = [
+        (("groups", i, "enter", "gait"), group.enter.gait, [group])
+        for i, group in enumerate(groups)
+        if group.enter is not None
+    ]
+    travels += [
+        (("events", j, "gait"), event.gait, [group for group in groups if event.group in (None, group.name)])
+        for j, event in enumerate(scenario.events)
+        if event.kind == "leave"
+    ]
+    for loc, gait, concerned in travels:
+        policies = {scenario.types[name].policy for group in concerned for name in group.types}
+        for policy in sorted(policies & set(statistics)):
+            speed = statistics[policy].get("sustained_speed", math.inf)
+            if speed < _CLEARLY * PACES[gait]:
+                what = f"is {gait!r}, at about {PACES[gait]:g} m/s, but policy {policy!r} sustains {speed:.2g} m/s"
+                findings.append(Finding(loc, f"{what}: its avatars travel at that speed"))
     return findings
 
 

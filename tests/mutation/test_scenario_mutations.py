@@ -51,11 +51,13 @@ groups:
 - {name: blue, team: two, type: b, count: 2, waits: true, placement: {kind: points, points: [[20, 1], [21, 2]]}}
 - {name: green, type: a, count: 2, placement: {kind: disc, centre: [30, 0], radius: 2}}
 - {name: cast, team: two, mix: {a: 1, b: 2}, placement: {kind: table, file: cast.csv}}
+- {name: door, team: two, type: b, count: 2, enter: {path: [[40, 0], [35, 0]], rate: 2, gait: run, until: end}}
 opponents: {kind: other_team, hysteresis: 0.2}
 targets: {head: {kind: points, points: [[1, 2], [3, 4]]}}
 events:
 - {kind: add, group: blue, when: {kind: seconds, seconds: 0.5}}
 - {kind: retarget, group: red, opponents: {kind: target, target: head}, when: {kind: strikes, count: 3, team: two}}
+- {kind: leave, group: red, path: [[0, 30]], gait: walk, when: {kind: frame, frame: 20}}
 - {kind: weights, temperature: 0.3, when: {kind: distance, group: red, to: blue, below: 2}}
 outputs:
   bvh: {fps: 30, avatars: [0, 1], frames: 0:10}

@@ -255,6 +255,8 @@ def test_runs_takes_and_exports_use_the_names_of_a_table(workplace: Path, capsys
     assert "there is no avatar 'Cloe', expected a number, or Anna, Cleo, Ben, Dov (did you mean 'Cleo'?)" in (
         capsys.readouterr().err
     )
+    assert crowdsim("run", path, "--extend", "5") == 0
+    assert open_take(folder / "take.zarr").cast.members("four").tolist() == [0, 1, 2, 3]
 
 
 def test_takes_without_a_table_record_no_groups(workplace: Path):

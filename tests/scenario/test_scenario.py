@@ -126,6 +126,17 @@ def test_the_committed_schema_and_reference_page_are_current():
     assert "| `csv` | " in commands
 
 
+def test_examples_of_the_reference_page_are_valid(tmp_path):
+    page = (ROOT / "docs/scenarios.md").read_text(encoding="utf-8")
+    (table,) = re.findall(r"```csv\n(.*?)```", page, re.DOTALL)
+    (tmp_path / "cast.csv").write_text(table)
+    examples = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
+    for number, example in enumerate(examples):
+        (tmp_path / f"{number}.yaml").write_text(example)
+        place_groups(load_scenario(tmp_path / f"{number}.yaml"))
+    assert len(examples) == 2
+
+
 def test_every_key_of_the_schema_has_a_meaning():
     schema = json.loads(scenario_schema())
     for name, part in {"Scenario": schema, **schema["$defs"]}.items():
@@ -518,7 +529,7 @@ def test_overrides_reach_into_groups():
         load_scenario(path, ["groups[0].cuont=12"])
     assert str(caught.value) == (
         "--set groups[0].cuont=12: groups[0].cuont: unknown key, expected name, team, type, mix, count, placement, "
-        "facing, opponents or waits (did you mean 'count'?)"
+        "enter, facing, opponents or waits (did you mean 'count'?)"
     )
 
 
