@@ -14,6 +14,9 @@ from crowdsim.crowd.kernels.layout import LANDED, TRAVELS
 from crowdsim.crowd.script import Change
 from crowdsim.crowd.triggers import EVERY_FRAME, STRIKES, AtFrame
 
+LED_EVERY = 3
+"""After how many control frames avatars that travel are led on."""
+
 
 class Progress:
     """What has happened in a run so far.
@@ -67,9 +70,17 @@ class Progress:
         return out
 
     @property
-    def travels(self) -> bool:
-        """Whether an avatar travels along a path."""
-        return bool((self._avatars.conditions["mode"] == TRAVELS).any())
+    def travellers(self) -> Array:
+        """Numbers of the avatars that travel along a path. Shape (n,)."""
+        if not self._crowd.travels:
+            return np.zeros(0, np.int64)
+        return np.flatnonzero(self._avatars.conditions["mode"] == TRAVELS)
+
+    @property
+    def watches_out(self) -> bool:
+        """Whether an avatar travels that fights as soon as it is attacked."""
+        paths = np.unique(self._avatars.conditions["travel"][self.travellers]).astype(int)
+        return any(self._crowd.travels[path - 1].ends_attacked for path in paths)
 
     @property
     def here(self) -> Array:
@@ -131,8 +142,8 @@ class Agenda:
             most = min(most, AGAIN - frame % AGAIN)
         if self.expected:
             most = min(most, max(min(self.expected.values()) - frame, 1))
-        if self.progress.travels:
-            return 1
+        if len(self.progress.travellers):
+            most = min(most, LED_EVERY - frame % LED_EVERY)
         for number in self.pending:
             when = self._changes[number].when
             if when.after == EVERY_FRAME:
@@ -144,10 +155,11 @@ class Agenda:
     @property
     def waits_for_strikes(self) -> bool:
         """Whether something may happen because of a strike."""
-        until = self._until is not None and self._until.kind == "landed"
-        return (
-            until or bool(self.standing) or any(self._changes[number].when.after == STRIKES for number in self.pending)
-        )
+        if self._until is not None and self._until.kind == "landed":
+            return True
+        if self.standing or self.progress.watches_out:
+            return True
+        return any(self._changes[number].when.after == STRIKES for number in self.pending)
 
     def due(self) -> Iterator[Change]:
         """Yield each change that is due, once; the next one is checked after it has been made."""

@@ -34,7 +34,7 @@ from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import Index, build_index
 from crowdsim.crowd.outcome import Outcome, find_outcome
 from crowdsim.crowd.pre_roll import on_guard, take_over
-from crowdsim.crowd.progress import Agenda, Progress
+from crowdsim.crowd.progress import LED_EVERY, Agenda, Progress
 from crowdsim.crowd.random import Purpose, stream
 from crowdsim.crowd.script import Change, target_positions
 from crowdsim.crowd.stages import Stages, lost_avatar
@@ -295,7 +295,7 @@ class Simulation:
             if leave[: self.present].any():
                 self._leave(leave)
                 self._index.reset()
-            if self.crowd.travels:
+            if self.crowd.travels and self.frame % LED_EVERY == 0:
                 self._travel()
         is_time = self._agenda.expect(self.frame) or self.frame % AGAIN == 0
         if self._agenda.waiting and is_time:

@@ -391,6 +391,8 @@ class Group(StrictModel):
             raise Fault("all weights are 0, expected one above 0", "mix")
         if self.placement is None and self.enter is None:
             raise Fault("missing, expected a mapping with 'kind', or 'enter' with a path", "placement")
+        if self.enter is not None and self.facing != "placement":
+            raise Fault("has no effect with 'enter', since avatars look along their path, expected no facing", "facing")
         if not isinstance(self.placement, TablePlacement):
             if (self.type is None) == (self.mix is None):
                 raise Fault("has {} 'type' {} 'mix', expected one of them".format(*_both_or_none(self.type)))
@@ -404,6 +406,9 @@ class Group(StrictModel):
             raise Fault(f"is {self.count}, but {file} has {len(rows)} rows, expected at most as many", "count")
         if self.type is not None and self.mix is not None:
             raise Fault("has both 'type' and 'mix', expected one of them")
+        if self.enter is not None and any(row.heading is not None for row in rows):
+            what = f"is {file!r}, whose headings have no effect with 'enter', since avatars look along their path"
+            raise Fault(f"{what}, expected no column 'heading'", "placement", "file")
         untyped = next((row for row in self.rows if not row.type.text), None)
         if untyped is not None and self.type is None and self.mix is None:
             what = f"has neither 'type' nor 'mix', and {file} has no type in line {untyped.type.line}"

@@ -120,7 +120,7 @@ def test_an_avatar_waits_behind_those_that_stand_at_the_start_of_its_path(polici
 
 def test_a_group_with_a_placement_takes_its_positions_behind_its_path(policies):
     places = {"kind": "points", "points": [[1.5, -5], [1.5, -3.8], [1.5, -2.6]]}
-    one = drawn(policies, {"path": [START, [0, -4.5]]}, late={"placement": places, "facing": 90})
+    one = drawn(policies, {"path": [START, [0, -4.5]]}, late={"placement": places})
     chunk = Simulation(one).run(FRAMES)
     for i, (x, z) in zip((2, 3, 4), places["points"], strict=True):
         there = is_there(chunk)[:, i] & (chunk.opponent[:, i] == -1)
@@ -382,6 +382,9 @@ def test_exits_that_cannot_be_are_findings(workplace, capsys, event, expected):
 def test_groups_that_never_come_or_are_nowhere_are_findings(workplace, capsys):
     assert "groups[1].waits: no event adds the group, expected one of kind 'add'" in findings(
         workplace, capsys, keys(late={"waits": True})
+    )
+    assert "groups[1].facing: has no effect with 'enter', since avatars look along their path" in findings(
+        workplace, capsys, keys(late={"facing": "enemies"})
     )
     both = keys()
     del both["groups"][1]["enter"]

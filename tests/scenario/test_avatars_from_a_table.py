@@ -179,6 +179,16 @@ def test_tables_with_too_few_rows_and_avatars_without_a_type_are_refused(tmp_pat
     assert loaded(tmp_path, full, keys={"type": None}).avatar_count == 4
 
 
+def test_avatars_of_a_table_enter_along_a_path_and_look_along_it(tmp_path):
+    enter = {"path": [[-9, 0], [-5, 0]]}
+    assert refused(tmp_path, CAST, enter=enter)[0].endswith(
+        "groups[0].placement.file: is 'cast.csv', whose headings have no effect with 'enter', since avatars look along "
+        "their path, expected no column 'heading'"
+    )
+    result = loaded(tmp_path, CAST.replace(",90,", ",,").replace(",-90,", ",,"), keys={"enter": enter})
+    assert result.avatar_names() == ["Anna", "Cleo", "Ben", "Dov"]
+
+
 @pytest.mark.parametrize(
     ("file", "expected"),
     [
