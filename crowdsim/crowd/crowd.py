@@ -277,7 +277,13 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
 
 
 def enter(
-    avatars: Avatars, crowd: Crowd, model: Model, slots: Array, at: Array | None = None, heading: Array | None = None
+    avatars: Avatars,
+    crowd: Crowd,
+    model: Model,
+    slots: Array,
+    at: Array | None = None,
+    heading: Array | None = None,
+    is_calm: bool = False,
 ) -> None:
     """Put avatars where they start, in the last frame of an action that ends in their first state.
 
@@ -288,6 +294,7 @@ def enter(
         slots: Slots of the avatars. Shape (n,).
         at: Positions, x and z [m]; those of the crowd when None. Shape (n, 2).
         heading: Headings [rad]; those of the crowd when None. Shape (n,).
+        is_calm: Whether they begin where no strike has to follow.
 
     Raises:
         RunError: A position is not finite.
@@ -302,7 +309,7 @@ def enter(
             f"avatar {numbers[i]} starts at ({x[i]}, {z[i]}) with heading {heading[i]}, expected finite numbers"
         )
     policy, scale = avatars.policy[slots], avatars.playback["scale"][slots]
-    action = first_actions(crowd.seed, crowd.cast.stances, model, numbers, policy)
+    action = first_actions(crowd.seed, crowd.cast.stances, model, numbers, policy, is_calm)
     length = model.actions["length"][action]
     ground = model.ground[model.actions["origin"][action] + length * model.policies["stride"][policy]]
     turn = heading - ground["heading"]

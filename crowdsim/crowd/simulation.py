@@ -388,11 +388,13 @@ class Simulation:
         now = np.arange(self.crowd.count) < self.present
         now[self.avatars.slot_of[numbers]] = True
         self._store(now, numbers)
-        headings = headings_of(self.crowd, numbers)
-        enter(self.avatars, self.crowd, self.model, self.avatars.slot_of[numbers], at, headings)
+        slots, headings = self.avatars.slot_of[numbers], headings_of(self.crowd, numbers)
         entries = entries_of(self.crowd, numbers)
-        for entry in np.unique(entries[entries >= 0]).tolist():
-            set_out(self.crowd, self.avatars, numbers[entries == entry], entry, 1)
+        for entry in np.unique(entries).tolist():
+            own = entries == entry
+            enter(self.avatars, self.crowd, self.model, slots[own], at[own], headings[own], is_calm=entry >= 0)
+            if entry >= 0:
+                set_out(self.crowd, self.avatars, numbers[own], entry, 1)
         self._index.reset()
 
     def _leave(self, concerned: Array) -> None:
