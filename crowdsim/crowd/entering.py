@@ -16,8 +16,9 @@ REACH = 1.0
 """How far from its placement an avatar may enter [m]."""
 AGAIN = 5
 """After how many control frames one that waits tries again."""
-_STANDING, _DOWN = 0.25, 0.75
-"""How far others keep off the middle of an avatar that stands, by its width, and of one that is down [m]."""
+_STANDING, _DOWN, _WALKING_IN = 0.25, 0.75, 0.55
+"""How far others keep off the middle of an avatar that stands, by its width, of one that is down, and, by its width, of
+one that enters along a path [m]."""
 _RINGS, _WAYS, _NEAREST = 4, 12, 16
 """Positions that are tried: rings up to ``REACH``, and directions; and others that are looked at for each."""
 
@@ -62,6 +63,7 @@ def find_entries(crowd: Crowd, avatars: Avatars, present: int, numbers: Array) -
         others[avatars.conditions["standing"][here] >= layout.DROPS] = _DOWN
     placed = entry_points(crowd, numbers)
     own = rooms[avatars.slot_of[numbers]]
+    own[entries_of(crowd, numbers) >= 0] *= _WALKING_IN / _STANDING
     free = _are_free(placed, own, points, others)
     free[free] = _are_first(placed[free], own[free], crowd.group[numbers[free]])
     found = np.where(free[:, None], placed, np.nan)

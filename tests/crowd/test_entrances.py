@@ -65,6 +65,9 @@ def test_avatars_enter_one_by_one_at_the_start_of_their_path_and_look_along_it(p
     for frame, i in zip(first, (2, 3, 4), strict=True):
         np.testing.assert_allclose([chunk.x[frame, i], chunk.z[frame, i]], START, atol=1e-6)
         assert abs(chunk.heading[frame, i]) < 1e-6
+        others = there[frame] & (np.arange(5) != i)
+        distance = np.hypot(chunk.x[frame, others] - START[0], chunk.z[frame, others] - START[1])
+        assert distance.min(initial=9.0) >= 0.8 - 1e-6
         assert not there[:frame, i].any()
 
 
