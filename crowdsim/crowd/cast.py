@@ -50,6 +50,9 @@ class Cast:
         aggressions: How readily it strikes, as a factor. Shape (N,), float32.
         ranges: How much further than others it keeps from its opponent while it rests [m]. Shape (N,), float32.
         stances: 0 any, 1 orthodox, 2 southpaw. Shape (N,), uint8.
+        groups: Index into ``group_names``. Shape (N,), int32, or (0,) where names of avatars begin with those of their
+            groups.
+        group_names: Names of the groups, or none, likewise.
     """
 
     names: Array
@@ -69,6 +72,8 @@ class Cast:
     aggressions: Array = field(default_factory=_unknown)
     ranges: Array = field(default_factory=_unknown)
     stances: Array = field(default_factory=_unknown)
+    groups: Array = field(default_factory=_unknown)
+    group_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Give all avatars of takes that do not record them the usual body and temperament."""
@@ -104,10 +109,15 @@ class Cast:
             TakeError: There is none of these; the message names near ones.
         """
         if isinstance(name, str) and not (self.names == name).any():
-            of_group = np.char.rpartition(np.asarray(self.names, str), "_")[:, 0] == name
-            if of_group.any():
-                return np.flatnonzero(of_group)
-            for known, each in ((self.team_names, self.teams), (self.type_names, self.types)):
+            if not self.group_names:
+                of_group = np.char.rpartition(np.asarray(self.names, str), "_")[:, 0] == name
+                if of_group.any():
+                    return np.flatnonzero(of_group)
+            for known, each in (
+                (self.group_names, self.groups),
+                (self.team_names, self.teams),
+                (self.type_names, self.types),
+            ):
                 if name in known:
                     return np.flatnonzero(np.asarray(each) == known.index(name))
         return np.array([self.number(name)])
@@ -130,7 +140,7 @@ class Cast:
 
     def first(self, count: int) -> Cast:
         """Return what is constant for the first avatars."""
-        each = ("names", "types", "teams", "policies", "scales", "speeds", *_USUAL)
+        each = ("names", "types", "teams", "policies", "scales", "speeds", "groups", *_USUAL)
         return replace(self, **{name: getattr(self, name)[:count] for name in each})
 
     @property
@@ -148,12 +158,13 @@ def _names_like(name: str, names: Array) -> str:
     """Return which names of avatars there are, by groups, and the one that may be meant by another name."""
     groups: dict[str, tuple[str, str]] = {}
     for one in names.tolist():
-        group = one.rpartition("_")[0]
+        stem, _, last = one.rpartition("_")
+        group = stem if last.isdecimal() else one
         groups[group] = groups.get(group, (one, one))[0], one
     number = name.rpartition("_")[2]
-    same = [f"{group}_{number.zfill(len(last) - len(group) - 1)}" for group, (_, last) in groups.items()]
+    same = [f"{group}_{number.zfill(max(len(last) - len(group) - 1, 0))}" for group, (_, last) in groups.items()]
     firsts = [first for first, _ in groups.values()]
     ranges = [first if first == last else f"{first} to {last}" for first, last in groups.values()]
-    more = [f"{len(ranges) - 5} groups more"] if len(ranges) > 5 else []
+    more = [f"{len(ranges) - 5} more"] if len(ranges) > 5 else []
     near = nearest(name, [one for one in same if one in names]) or nearest(name, firsts)
     return f"{', '.join([*ranges[:5], *more])}{near}"

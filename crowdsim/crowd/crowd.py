@@ -21,7 +21,7 @@ from crowdsim.errors import RunError
 from crowdsim.scenario.parts import MAXIMUM_FRAMES
 
 if TYPE_CHECKING:
-    from crowdsim.crowd.script import Change, End, TargetPath
+    from crowdsim.crowd.script import Change, End, TargetPath, Travel
     from crowdsim.policy.policy import Policy
 
 ANYONE, SCRIPTED = -1, -2
@@ -107,6 +107,8 @@ class Crowd:
         temperaments: See ``distributions.temperaments_of``; where it is empty, all are even-tempered. Shape (N, 3) or
             (0, 3).
         targets: Paths of scripted targets.
+        travels: Paths by which avatars enter and leave.
+        entries: Index into ``travels`` of the path by which each group enters, -1 for none. Shape (groups,) or (0,).
         changes: Events, in this order where several happen at once.
         until: What ends the run before its duration.
         frames: Planned duration [control frames].
@@ -139,6 +141,8 @@ class Crowd:
     conditioned: bool = False
     temperaments: Array = field(default_factory=lambda: np.zeros((0, 3)))
     targets: tuple[TargetPath, ...] = ()
+    travels: tuple[Travel, ...] = ()
+    entries: Array = field(default_factory=lambda: np.zeros(0, np.int32))
     changes: tuple[Change, ...] = ()
     until: End | None = None
     frames: int = MAXIMUM_FRAMES
@@ -272,7 +276,15 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
     return avatars
 
 
-def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array, at: Array | None = None) -> None:
+def enter(
+    avatars: Avatars,
+    crowd: Crowd,
+    model: Model,
+    slots: Array,
+    at: Array | None = None,
+    heading: Array | None = None,
+    is_calm: bool = False,
+) -> None:
     """Put avatars where they start, in the last frame of an action that ends in their first state.
 
     Args:
@@ -281,13 +293,15 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array, at: Array 
         model: Its policies.
         slots: Slots of the avatars. Shape (n,).
         at: Positions, x and z [m]; those of the crowd when None. Shape (n, 2).
+        heading: Headings [rad]; those of the crowd when None. Shape (n,).
+        is_calm: Whether they begin where no strike has to follow.
 
     Raises:
         RunError: A position is not finite.
     """
     numbers = avatars.number[slots]
     x, z = (crowd.x[numbers], crowd.z[numbers]) if at is None else at.T
-    heading = crowd.heading[numbers]
+    heading = crowd.heading[numbers] if heading is None else heading
     bad = np.flatnonzero(~np.isfinite(x + z + heading))
     if len(bad):
         i = bad[0]
@@ -295,7 +309,7 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array, at: Array 
             f"avatar {numbers[i]} starts at ({x[i]}, {z[i]}) with heading {heading[i]}, expected finite numbers"
         )
     policy, scale = avatars.policy[slots], avatars.playback["scale"][slots]
-    action = first_actions(crowd.seed, crowd.cast.stances, model, numbers, policy)
+    action = first_actions(crowd.seed, crowd.cast.stances, model, numbers, policy, is_calm)
     length = model.actions["length"][action]
     ground = model.ground[model.actions["origin"][action] + length * model.policies["stride"][policy]]
     turn = heading - ground["heading"]
@@ -321,8 +335,9 @@ def enter(avatars: Avatars, crowd: Crowd, model: Model, slots: Array, at: Array 
     avatars.shown[numbers] = NONE
     if len(avatars.conditions):
         rows = avatars.conditions[numbers]
-        for name in ("standing", "standing_next", "fall", "downs", "hurt", "piece"):
+        for name in ("standing", "standing_next", "fall", "downs", "hurt", "piece", "travel", "leg"):
             rows[name] = 0.0
+        rows["mode"][rows["mode"] == layout.TRAVELS] = layout.FIGHTS
         rows["health"] = records(crowd.rules, RULE)["full_health"][crowd.cohort[numbers]]
         rows["hurt_frame"], rows["stamina"] = -np.inf, 1.0
         tempered = len(crowd.temperaments) > 0

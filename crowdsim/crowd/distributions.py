@@ -34,12 +34,14 @@ def draw_types(scenario: Scenario) -> Array:
         first += group.count
         if group.type is not None:
             types[own] = numbers[group.type]
-            continue
-        mix = group.mix or {}
-        names = [name for name in numbers if mix.get(name, 0) > 0]
-        edges = np.cumsum([mix[name] for name in names])
-        chosen = np.searchsorted(edges / edges[-1], uniform(scenario.seed, Purpose.TYPE, own), side="right")
-        types[own] = np.array([numbers[name] for name in names], np.int32)[np.minimum(chosen, len(names) - 1)]
+        elif group.mix is not None:
+            names = [name for name in numbers if group.mix.get(name, 0) > 0]
+            edges = np.cumsum([group.mix[name] for name in names])
+            chosen = np.searchsorted(edges / edges[-1], uniform(scenario.seed, Purpose.TYPE, own), side="right")
+            types[own] = np.array([numbers[name] for name in names], np.int32)[np.minimum(chosen, len(names) - 1)]
+        for avatar, row in zip(own, group.rows, strict=bool(group.rows)):
+            if row.type.text:
+                types[avatar] = numbers[row.type.text]
     return types
 
 

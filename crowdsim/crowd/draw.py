@@ -20,7 +20,9 @@ from crowdsim.crowd.plan import (
     hysteresis_of,
     plan_changes,
     plan_end,
+    plan_entries,
     plan_path,
+    plan_travels,
     set_opponents,
     weights_of,
 )
@@ -31,6 +33,7 @@ from crowdsim.scenario.distributions import middle
 from crowdsim.scenario.events import (
     FightEvent,
     FleeEvent,
+    LeaveEvent,
     RemoveEvent,
     RestEvent,
     RetargetEvent,
@@ -103,7 +106,7 @@ def draw_crowd(scenario: Scenario, policies: Sequence[Policy], placed: Array | N
         cohort=cohort.reshape(-1).astype(np.int16),
         skip=skip,
         fixed=fixed,
-        present=np.array([not one.waits for one in scenario.groups])[group],
+        present=np.array([not one.comes_later for one in scenario.groups])[group],
         **_preferences(scenario, policies, cohorts, rate),
         arena=pack_arena(scenario.arena),
         crowding=_crowding(scenario),
@@ -111,6 +114,8 @@ def draw_crowd(scenario: Scenario, policies: Sequence[Policy], placed: Array | N
         conditioned=is_conditioned(scenario),
         temperaments=temperaments_of(scenario, types, drawn["tempo"], drawn["aggression"], drawn["range"]),
         targets=tuple(map(plan_path, scenario.targets.values())),
+        travels=plan_travels(scenario, rate),
+        entries=plan_entries(scenario),
         until=plan_end(scenario.until, scenario.linger),
         frames=scenario.control_frames(rate),
         pre_roll=round(scenario.pre_roll_seconds * rate),
@@ -121,6 +126,7 @@ def draw_crowd(scenario: Scenario, policies: Sequence[Policy], placed: Array | N
 def _cast(scenario: Scenario, types: Array, drawn: Mapping[str, Array], policies: Sequence[Policy]) -> Cast:
     """Return what is constant for each avatar; ``drawn`` are its numbers by the keys of types."""
     kinds = list(scenario.types.values())
+    has_names = any(group.rows for group in scenario.groups)
     colours = [[np.nan] * 3 if kind.colour is None else _rgb(kind.colour) for kind in kinds]
     return Cast(
         names=np.array(scenario.avatar_names()),
@@ -133,6 +139,8 @@ def _cast(scenario: Scenario, types: Array, drawn: Mapping[str, Array], policies
         colours=np.array(colours, float).reshape(-1, 3),
         **{field: drawn[key].astype(np.float32) for key, field in _DRAWN.items()},
         stances=draw_stances(scenario, types),
+        groups=groups_of_avatars(scenario) if has_names else np.zeros(0),
+        group_names=tuple(scenario.group_names) if has_names else (),
     )
 
 
@@ -227,14 +235,14 @@ def unlearned_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]
                 scenario.types[name].policy: None
                 for group in scenario.groups
                 if event.group in (None, group.name)
-                for name in ([group.type] if group.type is not None else group.mix or {})
+                for name in group.types
             }
             for policy in concerned:
                 check(("events", index, "behaviours"), event.behaviours, policy)
     return list(dict.fromkeys(findings))
 
 
-_OF_MODES = (FleeEvent, WatchEvent, RestEvent, FightEvent, RemoveEvent)
+_OF_MODES = (FleeEvent, WatchEvent, RestEvent, FightEvent, RemoveEvent, LeaveEvent)
 """Events that set what avatars do about their opponents, or leave them without any."""
 
 
@@ -249,6 +257,7 @@ def is_conditioned(scenario: Scenario) -> bool:
             for kind in kinds
         )
         or any(isinstance(event, _OF_MODES) for event in scenario.events)
+        or any(group.enter is not None for group in scenario.groups)
         or any(attackers_of(one) > 0 for one in opponents)
     )
 

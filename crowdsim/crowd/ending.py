@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from crowdsim.crowd.placement import teams_of_avatars
 from crowdsim.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -20,17 +21,13 @@ def describe_outcome(scenario: Scenario, outcome: Outcome) -> dict[str, Any]:
 
     ``standing`` holds at most 20 names, ``standing_count`` how many there are, ``teams`` how many of each team.
     """
-    teams, first = dict.fromkeys(scenario.teams, 0), 0
-    for group in scenario.groups:
-        inside = (outcome.standing >= first) & (outcome.standing < first + group.count)
-        teams[group.team] += int(np.count_nonzero(inside))
-        first += group.count
+    left = np.bincount(teams_of_avatars(scenario)[outcome.standing], minlength=len(scenario.teams))
     return {
         "kind": outcome.kind,
         "frame": outcome.frame,
         "standing": [scenario.avatar_name(int(number)) for number in outcome.standing[:_MOST]],
         "standing_count": len(outcome.standing),
-        "teams": teams,
+        "teams": dict(zip(scenario.teams, left.tolist(), strict=True)),
     }
 
 

@@ -1,4 +1,4 @@
-"""Where avatars enter that an event adds: at their placement, or near it where another avatar stands there."""
+"""Where avatars enter that an event adds: at the start of their path, at their placement, or near that."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ REACH = 1.0
 """How far from its placement an avatar may enter [m]."""
 AGAIN = 5
 """After how many control frames one that waits tries again."""
-_STANDING, _DOWN = 0.25, 0.75
-"""How far others keep off the middle of an avatar that stands, by its width, and of one that is down [m]."""
+_STANDING, _DOWN, _WALKING_IN = 0.25, 0.75, 0.55
+"""How far others keep off the middle of an avatar that stands, by its width, of one that is down, and, by its width, of
+one that enters along a path [m]."""
 _RINGS, _WAYS, _NEAREST = 4, 12, 16
 """Positions that are tried: rings up to ``REACH``, and directions; and others that are looked at for each."""
 
@@ -41,14 +42,15 @@ class Arrival(NamedTuple):
 def find_entries(crowd: Crowd, avatars: Avatars, present: int, numbers: Array) -> Array:
     """Return where avatars enter that are not there; the same for any order of storage.
 
-    An avatar whose placement is free enters there; members of one group keep the distances of their placements. Each of
-    the others takes, in the order of their numbers, the nearest free position within ``REACH`` and inside the arena.
+    An avatar that enters along a path does so at its start, if that is free. One whose placement is free enters there;
+    members of one group keep the distances of their placements. Each of the others takes, in the order of their
+    numbers, the nearest free position within ``REACH`` and inside the arena.
 
     Args:
         crowd: The crowd.
         avatars: Its avatars.
         present: How many are there.
-        numbers: Avatars that are to enter, ascending. Shape (n,).
+        numbers: Avatars that are to enter, ascending, along each path no more than one. Shape (n,).
 
     Returns:
         Positions, x and z [m]; NaN where there is none. Shape (n, 2).
@@ -59,13 +61,14 @@ def find_entries(crowd: Crowd, avatars: Avatars, present: int, numbers: Array) -
     others = rooms[:present].copy()
     if len(avatars.conditions):
         others[avatars.conditions["standing"][here] >= layout.DROPS] = _DOWN
-    placed = np.column_stack([crowd.x[numbers], crowd.z[numbers]])
+    placed = entry_points(crowd, numbers)
     own = rooms[avatars.slot_of[numbers]]
+    own[entries_of(crowd, numbers) >= 0] *= _WALKING_IN / _STANDING
     free = _are_free(placed, own, points, others)
     free[free] = _are_first(placed[free], own[free], crowd.group[numbers[free]])
     found = np.where(free[:, None], placed, np.nan)
     points, others = np.concatenate([points, placed[free]]), np.concatenate([others, own[free]])
-    blocked = np.flatnonzero(~free)
+    blocked = np.flatnonzero(~free & (entries_of(crowd, numbers) < 0))
     if not len(blocked):
         return found
     rings, ways = np.arange(1, _RINGS + 1) * REACH / _RINGS, np.arange(_WAYS) * 2.0 * np.pi / _WAYS
@@ -82,6 +85,35 @@ def find_entries(crowd: Crowd, avatars: Avatars, present: int, numbers: Array) -
             found[avatar] = choices[0]
             taken.append(int(avatar))
     return found
+
+
+def entries_of(crowd: Crowd, numbers: Array) -> Array:
+    """Return the path by which each avatar enters, an index into ``Crowd.travels``; -1 for none. Shape (n,)."""
+    return crowd.entries[crowd.group[numbers]] if len(crowd.entries) else np.full(len(numbers), -1)
+
+
+def entry_points(crowd: Crowd, numbers: Array) -> Array:
+    """Return where avatars are to enter, x and z [m]: at the start of their path, or where they are placed. (n, 2)."""
+    points = np.column_stack([crowd.x[numbers], crowd.z[numbers]])
+    entries = entries_of(crowd, numbers)
+    for index in np.unique(entries[entries >= 0]):
+        points[entries == index] = crowd.travels[index].points[0]
+    return points
+
+
+def first_in_line(crowd: Crowd, waiting: Mapping[int, int]) -> Array:
+    """Return which waiting avatars may enter: of those along one path the first one alone. Ascending, int64.
+
+    Args:
+        crowd: The crowd.
+        waiting: Numbers of the avatars, and in which control frame each was to enter.
+    """
+    numbers = np.array(sorted(waiting), np.int64)
+    entries = entries_of(crowd, numbers)
+    asked = np.array([waiting[number] for number in numbers.tolist()], np.int64)
+    order = np.lexsort((numbers, asked))
+    _, first = np.unique(entries[order], return_index=True)
+    return np.sort(np.concatenate([numbers[entries < 0], numbers[order[first]][entries[order[first]] >= 0]]))
 
 
 def describe_arrivals(

@@ -15,6 +15,7 @@ from crowdsim.scenario.groups import (
     LinePlacement,
     PointsPlacement,
     RingPlacement,
+    TablePlacement,
 )
 from crowdsim.scenario.parts import FARTHEST, Arena, CircleArena, RectangleArena
 from crowdsim.scenario.scenario import Scenario
@@ -40,7 +41,8 @@ def place_groups(scenario: Scenario) -> Array:
         start, stop = int(starts[i]), int(starts[i + 1])
         _place(scenario, i, start, stop, x, z, headings)
         _check_distance(scenario, i, start, x[start:stop], z[start:stop])
-        _check_arena(scenario, i, start, x[start:stop], z[start:stop])
+        if groups[i].placement is not None:
+            _check_arena(scenario, i, start, x[start:stop], z[start:stop])
     _check_conflicts(scenario, starts, x, z)
     team = teams_of_avatars(scenario)
     for i in range(len(groups)):
@@ -57,14 +59,23 @@ def groups_of_avatars(scenario: Scenario) -> Array:
 def teams_of_avatars(scenario: Scenario) -> Array:
     """Return the index of each avatar's team in ``scenario.teams``. Shape (N,), int16."""
     numbers = {name: number for number, name in enumerate(scenario.teams)}
-    return np.array([numbers[group.team] for group in scenario.groups], np.int16)[groups_of_avatars(scenario)]
+    teams = np.array([numbers.get(group.team, 0) for group in scenario.groups], np.int16)[groups_of_avatars(scenario)]
+    first = 0
+    for group in scenario.groups:
+        for i, row in enumerate(group.rows):
+            teams[first + i] = numbers[row.team.text or group.team]
+        first += group.count
+    return teams
 
 
 def _place(scenario: Scenario, index: int, start: int, stop: int, x: Array, z: Array, heading: Array) -> None:
     """Write positions and the placement's own headings of one group."""
     group = scenario.groups[index]
     placement, count, here = group.placement, group.count, slice(start, stop)
-    if isinstance(placement, DiscPlacement):
+    if placement is None and group.enter is not None:
+        (x[here], z[here]), there = group.enter.path[0], group.enter.path[1]
+        heading[here] = _bearing(there, x[here], z[here])
+    elif isinstance(placement, DiscPlacement):
         _throw(scenario, index, placement, start, stop, x, z)
         heading[here] = _bearing(placement.centre, x[here], z[here])
     elif isinstance(placement, GridPlacement):
@@ -115,6 +126,11 @@ def _place(scenario: Scenario, index: int, start: int, stop: int, x: Array, z: A
         x[here], z[here] = points[:count, 0], points[:count, 1]
         centre = (float(x[here].mean()), float(z[here].mean()))
         heading[here] = np.radians(points[:count, 2]) if points.shape[1] == 3 else _bearing(centre, x[here], z[here])
+    elif isinstance(placement, TablePlacement):
+        x[here], z[here] = [row.x for row in group.rows], [row.z for row in group.rows]
+        given = np.array([np.nan if row.heading is None else np.radians(row.heading) for row in group.rows])
+        inwards = _bearing((float(x[here].mean()), float(z[here].mean())), x[here], z[here])
+        heading[here] = np.where(np.isnan(given), inwards, given)
 
 
 def _throw(scenario: Scenario, index: int, placement: DiscPlacement, start: int, stop: int, x: Array, z: Array) -> None:
@@ -122,8 +138,8 @@ def _throw(scenario: Scenario, index: int, placement: DiscPlacement, start: int,
     squares = _squares(least, stop, x, z)
     first = 0
     for group in scenario.groups[:index]:
-        # Groups that wait find their way among others when they are added (``entering``).
-        if not group.waits and not scenario.groups[index].waits:
+        # Groups that come later find their way among others when they are added (``entering``).
+        if not group.comes_later and not scenario.groups[index].comes_later:
             insert_points(squares, first, first + group.count)
         first += group.count
     seeds = stream(scenario.seed, Purpose.PLACE)
@@ -166,13 +182,15 @@ def _check_arena(scenario: Scenario, index: int, first: int, x: Array, z: Array)
 def _check_conflicts(scenario: Scenario, starts: Array, x: Array, z: Array) -> None:
     """Refuse avatars at one position, which given points, or groups placed independently, can bring about.
 
-    A group that waits finds its way among others when it is added (``entering``).
+    A group that comes later finds its way among others when it is added (``entering``).
     """
     groups = scenario.groups
-    at_once = [[i for i, group in enumerate(groups) if not group.waits]]
-    for some in at_once + [[i] for i, group in enumerate(groups) if group.waits]:
-        kinds = {groups[i].placement.kind for i in some}
-        if kinds <= {"disc"} or (len(some) == 1 and kinds != {"points"}):
+    at_once = [[i for i, group in enumerate(groups) if not group.comes_later]]
+    for some in at_once + [[i] for i, group in enumerate(groups) if group.comes_later]:
+        kinds = {placement.kind for i in some if (placement := groups[i].placement) is not None}
+        if not kinds:
+            continue
+        if kinds <= {"disc"} or (len(some) == 1 and not kinds & {"points", "table"}):
             continue
         numbers = np.concatenate([np.arange(starts[i], starts[i + 1]) for i in some])
         xs, zs = x[numbers], z[numbers]
@@ -219,9 +237,10 @@ def _set_headings(scenario: Scenario, index: int, here: slice, team: Array, x: A
         numbers = np.arange(here.start, here.stop)
         heading[here] = 2 * np.pi * uniform(scenario.seed, Purpose.FACING, numbers)
     elif facing == "enemies":
-        others = team != team[here.start]
-        others = others if others.any() else np.ones(len(x), bool)
-        heading[here] = _bearing((float(x[others].mean()), float(z[others].mean())), x[here], z[here])
+        for one in np.unique(team[here]):
+            others, own = team != one, here.start + np.flatnonzero(team[here] == one)
+            others = others if others.any() else np.ones(len(x), bool)
+            heading[own] = _bearing((float(x[others].mean()), float(z[others].mean())), x[own], z[own])
     elif facing in ("centre", "outwards"):
         middle = (float(x[here].mean()), float(z[here].mean()))
         centre = getattr(placement, "centre", middle)

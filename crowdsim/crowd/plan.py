@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +12,7 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.cast import Cast
 from crowdsim.crowd.crowd import ANYONE, SCRIPTED, Crowd
 from crowdsim.crowd.kernels.layout import FIGHTS, FLEES, RESTS, WATCHES
-from crowdsim.crowd.script import Change, CirclePath, End, LinePath, TargetPath
+from crowdsim.crowd.script import Change, CirclePath, End, LinePath, TargetPath, Travel
 from crowdsim.crowd.triggers import AtFrame, Downs, HealthBelow, Landed, LandedOn, Near, Trigger
 from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.scenario.events import (
@@ -23,6 +25,7 @@ from crowdsim.scenario.events import (
     FrameCondition,
     HealthCondition,
     LandedOnCondition,
+    LeaveEvent,
     RestEvent,
     RetargetEvent,
     SecondsCondition,
@@ -33,6 +36,7 @@ from crowdsim.scenario.events import (
 from crowdsim.scenario.fitness import CountEnd
 from crowdsim.scenario.fitness import End as WantedEnd
 from crowdsim.scenario.groups import (
+    PACES,
     AnyoneOpponents,
     CircleTarget,
     FixedOpponents,
@@ -55,7 +59,41 @@ def plan_changes(scenario: Scenario, crowd: Crowd, cohorts: Array) -> tuple[Chan
         crowd: Its crowd.
         cohorts: Group and type of each cohort. Shape (M, 2).
     """
-    return tuple(_change(scenario, crowd, cohorts, event) for event in scenario.events)
+    enter = [
+        Change(AtFrame(0), who=crowd.group == index, present=True)
+        for index, group in enumerate(scenario.groups)
+        if group.enter is not None and not group.waits
+    ]
+    travels = itertools.count(int(np.count_nonzero(crowd.entries >= 0)))
+    return (*enter, *(_change(scenario, crowd, cohorts, event, travels) for event in scenario.events))
+
+
+def plan_travels(scenario: Scenario, rate: float) -> tuple[Travel, ...]:
+    """Return the paths by which groups enter, in their order, and then those by which events let avatars leave."""
+    entrances = [
+        Travel(
+            points=np.array(group.enter.path, dtype=float),
+            pace=PACES[group.enter.gait] / rate,
+            ends_attacked=group.enter.until == "attacked",
+            leaves=False,
+            interval=rate / group.enter.rate,
+            forms_up=group.placement is not None,
+        )
+        for group in scenario.groups
+        if group.enter is not None
+    ]
+    exits = [
+        Travel(np.array(event.path, dtype=float), PACES[event.gait] / rate, event.until == "attacked", True)
+        for event in scenario.events
+        if isinstance(event, LeaveEvent)
+    ]
+    return (*entrances, *exits)
+
+
+def plan_entries(scenario: Scenario) -> Array:
+    """Return the path by which each group enters, an index into those of ``plan_travels``, -1 for none. (groups,)."""
+    enters = np.array([group.enter is not None for group in scenario.groups])
+    return np.where(enters, np.cumsum(enters) - 1, -1).astype(np.int32)
 
 
 def weights_of(policy: Policy, given: dict[str, float], width: int, others: float = 0.0) -> Array:
@@ -149,8 +187,8 @@ def _when(scenario: Scenario, condition: Condition, rate: float) -> Trigger:
     return Near(group, _group(scenario, condition.to), condition.below)
 
 
-def _change(scenario: Scenario, crowd: Crowd, cohorts: Array, event: Event) -> Change:
-    """Return an event as a ``Change``."""
+def _change(scenario: Scenario, crowd: Crowd, cohorts: Array, event: Event, travels: Iterator[int]) -> Change:
+    """Return an event as a ``Change``; one that lets avatars leave takes the next of ``travels``."""
     when = _when(scenario, event.when, crowd.rate)
     group = _group(scenario, event.group)
     who = (crowd.group == group) | (group < 0)
@@ -175,4 +213,6 @@ def _change(scenario: Scenario, crowd: Crowd, cohorts: Array, event: Event) -> C
         return Change(when, who=who, mode=mode, distance=event.distance)
     if isinstance(event, FleeEvent | FightEvent):
         return Change(when, who=who, mode=FLEES if isinstance(event, FleeEvent) else FIGHTS)
+    if isinstance(event, LeaveEvent):
+        return Change(when, who=who, travel=next(travels), health_below=event.health_below)
     return Change(when, who=who, present=isinstance(event, AddEvent))

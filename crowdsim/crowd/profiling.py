@@ -45,7 +45,7 @@ def with_avatars(scenario: Scenario, count: int) -> Scenario:
     """Return a scenario with about ``count`` avatars, as dense as before: places and arena grow with it.
 
     Raises:
-        ScenarioError: Its avatars are at given points or on a line, which do not grow.
+        ScenarioError: Its avatars are at given points, in a table or on a line, which do not grow.
     """
     factor = count / scenario.avatar_count
     if factor == 1.0:
@@ -53,11 +53,10 @@ def with_avatars(scenario: Scenario, count: int) -> Scenario:
     across = math.sqrt(factor)
     data = scenario.model_dump(exclude_none=True)
     for index, group in enumerate(data["groups"]):
-        placement = group["placement"]
-        if placement["kind"] in ("points", "line"):
-            raise ScenarioError(
-                f"groups[{index}].placement: {placement['kind']} does not grow, expected grid, ring, army or disc"
-            )
+        placement = group.get("placement", {"kind": "no placement"})
+        kind = "enter" if "enter" in group else placement["kind"]
+        if kind in ("points", "line", "table", "enter"):
+            raise ScenarioError(f"groups[{index}].placement: {kind} does not grow, expected grid, ring, army or disc")
         group["count"] = max(1, round(group["count"] * factor))
         if placement["kind"] == "ring":
             placement["radius"] *= max(1.0, factor)

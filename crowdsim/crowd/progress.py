@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -10,9 +10,12 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars, World
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.entering import AGAIN, Arrival
-from crowdsim.crowd.kernels.layout import LANDED
+from crowdsim.crowd.kernels.layout import LANDED, TRAVELS
 from crowdsim.crowd.script import Change
 from crowdsim.crowd.triggers import EVERY_FRAME, STRIKES, AtFrame
+
+LED_EVERY = 3
+"""After how many control frames avatars that travel are led on."""
 
 
 class Progress:
@@ -67,6 +70,19 @@ class Progress:
         return out
 
     @property
+    def travellers(self) -> Array:
+        """Numbers of the avatars that travel along a path. Shape (n,)."""
+        if not self._crowd.travels:
+            return np.zeros(0, np.int64)
+        return np.flatnonzero(self._avatars.conditions["mode"] == TRAVELS)
+
+    @property
+    def watches_out(self) -> bool:
+        """Whether an avatar travels that fights as soon as it is attacked."""
+        paths = np.unique(self._avatars.conditions["travel"][self.travellers]).astype(int)
+        return any(self._crowd.travels[path - 1].ends_attacked for path in paths)
+
+    @property
     def here(self) -> Array:
         """Which avatars are there, by number. Shape (N,), bool."""
         here = np.zeros(self._crowd.count, bool)
@@ -103,6 +119,8 @@ class Agenda:
         pending: Numbers of the changes that have not happened yet.
         waiting: Avatars that were added and have no room yet, and since which control frame.
         arrivals: Those that entered later, or elsewhere, than where they are placed.
+        expected: Avatars that are to enter later along a path, and in which control frame.
+        standing: Numbers of the changes by which avatars leave as soon as their health is low.
         progress: What has happened.
     """
 
@@ -111,6 +129,8 @@ class Agenda:
         self.pending = list(range(len(self._changes)))
         self.waiting: dict[int, int] = {}
         self.arrivals: list[Arrival] = []
+        self.expected: dict[int, int] = {}
+        self.standing: list[int] = []
         self.progress = progress
 
     def until_next(self, frame: int, most: int) -> int:
@@ -120,6 +140,10 @@ class Agenda:
         """
         if self.waiting:
             most = min(most, AGAIN - frame % AGAIN)
+        if self.expected:
+            most = min(most, max(min(self.expected.values()) - frame, 1))
+        if len(self.progress.travellers):
+            most = min(most, LED_EVERY - frame % LED_EVERY)
         for number in self.pending:
             when = self._changes[number].when
             if when.after == EVERY_FRAME:
@@ -131,8 +155,11 @@ class Agenda:
     @property
     def waits_for_strikes(self) -> bool:
         """Whether something may happen because of a strike."""
-        until = self._until is not None and self._until.kind == "landed"
-        return until or any(self._changes[number].when.after == STRIKES for number in self.pending)
+        if self._until is not None and self._until.kind == "landed":
+            return True
+        if self.standing or self.progress.watches_out:
+            return True
+        return any(self._changes[number].when.after == STRIKES for number in self.pending)
 
     def due(self) -> Iterator[Change]:
         """Yield each change that is due, once; the next one is checked after it has been made."""
@@ -140,12 +167,31 @@ class Agenda:
             change = self._changes[number]
             if change.when.is_due(self.progress):
                 self.pending.remove(number)
+                if change.health_below is not None:
+                    self.standing.append(number)
                 yield change
+
+    def expect(self, frame: int) -> bool:
+        """Let avatars wait for room whose time to enter has come; return whether there are any."""
+        due = [number for number, at in self.expected.items() if at <= frame]
+        for number in due:
+            self.waiting.setdefault(number, self.expected.pop(number))
+        return bool(due)
+
+    def forget(self, numbers: Iterable[int]) -> None:
+        """Let avatars no longer enter."""
+        for number in numbers:
+            self.waiting.pop(number, None)
+            self.expected.pop(number, None)
+
+    def retiring(self) -> Iterator[Change]:
+        """Yield the changes by which avatars leave as soon as their health is low."""
+        return (self._changes[number] for number in self.standing)
 
     def awaited(self, count: int) -> Array:
         """Return which of ``count`` avatars have still to enter. Shape (count,), bool."""
         awaited = np.zeros(count, bool)
-        awaited[list(self.waiting)] = True
+        awaited[[*self.waiting, *self.expected]] = True
         for number in self.pending:
             change = self._changes[number]
             if change.present and change.who is not None:

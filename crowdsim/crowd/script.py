@@ -74,6 +74,27 @@ class LinePath:
 
 
 @dataclass(frozen=True)
+class Travel:
+    """A path that avatars travel along, to enter or to leave.
+
+    Attributes:
+        points: Points of the path, x and z each [m]. Shape (K, 2).
+        pace: How fast avatars of scale 1 travel [m in a control frame].
+        ends_attacked: Whether an avatar fights as soon as another strikes at it.
+        leaves: Whether avatars leave at the end; else they fight from there on.
+        interval: Time between two avatars that enter [control frames].
+        forms_up: Whether each avatar goes to where it is placed (``Crowd.x``), behind the last point.
+    """
+
+    points: Array
+    pace: float
+    ends_attacked: bool
+    leaves: bool
+    interval: float = 0.0
+    forms_up: bool = False
+
+
+@dataclass(frozen=True)
 class Change:
     """An event that happens once, before decisions, and changes the arrays of a crowd.
 
@@ -90,6 +111,8 @@ class Change:
         present: Whether they enter (True) or leave (False).
         mode: What they do about their opponents: ``layout.FIGHTS``, ``WATCHES``, ``FLEES`` or ``RESTS``.
         distance: The distance that those keep who watch or rest [m].
+        travel: Index into ``Crowd.travels`` of the path that they leave by.
+        health_below: Of those who leave: each does as soon as its health is below this [points]; at once when None.
     """
 
     when: Trigger
@@ -104,6 +127,8 @@ class Change:
     present: bool | None = None
     mode: float | None = None
     distance: float = 0.0
+    travel: int | None = None
+    health_below: float | None = None
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,15 @@ from crowdsim.crowd.buffers import empty_record, empty_scratch, empty_strikes
 from crowdsim.crowd.chunk import STAGES, Chunk, Frame, events_of
 from crowdsim.crowd.cohorts import cohort_columns
 from crowdsim.crowd.crowd import Crowd, build_avatars, enter
-from crowdsim.crowd.entering import AGAIN, Arrival, describe_arrivals, find_entries
+from crowdsim.crowd.entering import (
+    AGAIN,
+    Arrival,
+    describe_arrivals,
+    entries_of,
+    entry_points,
+    find_entries,
+    first_in_line,
+)
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.layout import Now
 from crowdsim.crowd.kernels.loop import run_frames
@@ -26,11 +34,12 @@ from crowdsim.crowd.model import build_model
 from crowdsim.crowd.opponents import Index, build_index
 from crowdsim.crowd.outcome import Outcome, find_outcome
 from crowdsim.crowd.pre_roll import on_guard, take_over
-from crowdsim.crowd.progress import Agenda, Progress
+from crowdsim.crowd.progress import LED_EVERY, Agenda, Progress
 from crowdsim.crowd.random import Purpose, stream
 from crowdsim.crowd.script import Change, target_positions
 from crowdsim.crowd.stages import Stages, lost_avatar
 from crowdsim.crowd.state import read_state, write_state
+from crowdsim.crowd.travelling import defend_travellers, halt, headings_of, set_out, travel_on
 from crowdsim.crowd.workers import Workers
 from crowdsim.errors import RunError, nearest
 from crowdsim.scenario.groups import SEARCHES
@@ -211,6 +220,8 @@ class Simulation:
                 ran, thrown = self._run_stages(rows, times)
             strikes.append(thrown)
             self._agenda.progress.count(thrown)
+            if self.crowd.travels:
+                defend_travellers(self.crowd, self.avatars, thrown)
             done += ran
         record = record.rows(0, done)
         targets = target_positions(self.crowd.targets, first, done, self.rate)
@@ -284,10 +295,15 @@ class Simulation:
             if leave[: self.present].any():
                 self._leave(leave)
                 self._index.reset()
-        if self._agenda.waiting and self.frame % AGAIN == 0:
+            if self.crowd.travels and self.frame % LED_EVERY == 0:
+                self._travel()
+        is_time = self._agenda.expect(self.frame) or self.frame % AGAIN == 0
+        if self._agenda.waiting and is_time:
             self._enter()
         for change in self._agenda.due():
             self._apply(change)
+        for change in self._agenda.retiring():
+            self._set_out(change)
         progress.present = self.present
         self._world.pauses[0] = float(self._agenda.waits_for_strikes)
         if self.crowd.until is not None and self.outcome is None:
@@ -313,34 +329,72 @@ class Simulation:
         if change.mode is not None:
             self.avatars.conditions["mode"][change.who] = change.mode
             self.avatars.conditions["keeps"][change.who] = change.distance
-        waiting = self._agenda.waiting
+            self.avatars.conditions["travel"][change.who] = self.avatars.conditions["leg"][change.who] = 0.0
+        if change.travel is not None and change.health_below is None:
+            self._agenda.forget(np.flatnonzero(change.who).tolist())
+            self._set_out(change)
         if change.present:
-            for number in np.sort(self.avatars.number[self.present :][concerned[self.present :]]).tolist():
-                waiting.setdefault(number, self.frame)
-            self._enter()
+            self._add(np.sort(self.avatars.number[self.present :][concerned[self.present :]]))
         elif change.present is not None:
-            for number in np.flatnonzero(change.who).tolist():
-                waiting.pop(number, None)
+            self._agenda.forget(np.flatnonzero(change.who).tolist())
             self._leave(concerned)
         self._index.reset()
+
+    def _add(self, numbers: Array) -> None:
+        """Let absent avatars enter, those along a path one after another."""
+        agenda, entries = self._agenda, entries_of(self.crowd, numbers)
+        counts = dict.fromkeys(entries.tolist(), 0)
+        for number, entry in zip(numbers.tolist(), entries.tolist(), strict=True):
+            if number in agenda.waiting or number in agenda.expected:
+                continue
+            after = int(counts[entry] * self.crowd.travels[entry].interval) if entry >= 0 else 0
+            counts[entry] += 1
+            agenda.expected[number] = self.frame + after
+        agenda.expect(self.frame)
+        self._enter()
+
+    def _set_out(self, change: Change) -> None:
+        """Let avatars go away that are there, are not down for good, and whose health is low where that counts."""
+        assert change.travel is not None
+        assert change.who is not None
+        conditions = self.avatars.conditions
+        goes = change.who & self._agenda.progress.here & ~self._agenda.progress.out
+        goes &= (conditions["mode"] != layout.TRAVELS) | (conditions["travel"] != change.travel + 1)
+        if change.health_below is not None:
+            goes &= conditions["health"] < change.health_below
+        set_out(self.crowd, self.avatars, np.flatnonzero(goes), change.travel, 0)
+
+    def _travel(self) -> None:
+        """Lead avatars on that travel; those leave that have come to the end of their way."""
+        halt(self.avatars, np.flatnonzero(self._agenda.progress.out & (self.avatars.conditions["travel"] > 0)))
+        leaving = travel_on(self.crowd, self.avatars, self.present)
+        if len(leaving):
+            self._leave(np.isin(self.avatars.number, leaving))
+            self._index.reset()
 
     def _enter(self) -> None:
         """Let avatars enter that wait, where they have room."""
         agenda = self._agenda
-        numbers = np.array(sorted(agenda.waiting), np.int64)
+        numbers = first_in_line(self.crowd, agenda.waiting)
         at = find_entries(self.crowd, self.avatars, self.present, numbers)
         room = np.isfinite(at[:, 0])
         if not room.any():
             return
         numbers, at = numbers[room], at[room]
-        for number, (x, z) in zip(numbers.tolist(), at, strict=True):
-            asked, away = agenda.waiting.pop(number), np.hypot(x - self.crowd.x[number], z - self.crowd.z[number])
+        for number, (x, z), placed in zip(numbers.tolist(), at, entry_points(self.crowd, numbers), strict=True):
+            asked, away = agenda.waiting.pop(number), np.hypot(x - placed[0], z - placed[1])
             if away > 0.0 or asked < self.frame:
                 agenda.arrivals.append(Arrival(number, asked, self.frame, float(away)))
         now = np.arange(self.crowd.count) < self.present
         now[self.avatars.slot_of[numbers]] = True
         self._store(now, numbers)
-        enter(self.avatars, self.crowd, self.model, self.avatars.slot_of[numbers], at)
+        slots, headings = self.avatars.slot_of[numbers], headings_of(self.crowd, numbers)
+        entries = entries_of(self.crowd, numbers)
+        for entry in np.unique(entries).tolist():
+            own = entries == entry
+            enter(self.avatars, self.crowd, self.model, slots[own], at[own], headings[own], is_calm=entry >= 0)
+            if entry >= 0:
+                set_out(self.crowd, self.avatars, numbers[own], entry, 1)
         self._index.reset()
 
     def _leave(self, concerned: Array) -> None:

@@ -26,6 +26,8 @@ STATE = (
     "_agenda.pending",
     "_agenda.waiting",
     "_agenda.arrivals",
+    "_agenda.expected",
+    "_agenda.standing",
     "_agenda.progress.",
     "outcome",
     "_fresh",
@@ -56,6 +58,8 @@ def read_state(simulation: Changing) -> dict[str, Array]:
     state["agenda.pending"] = np.array(agenda.pending, np.int64)
     state["agenda.waiting"] = np.array(sorted(agenda.waiting.items()), np.int64).reshape(-1, 2)
     state["agenda.arrivals"] = np.array(agenda.arrivals, float).reshape(-1, 4)
+    state["agenda.expected"] = np.array(sorted(agenda.expected.items()), np.int64).reshape(-1, 2)
+    state["agenda.standing"] = np.array(agenda.standing, np.int64)
     state["agenda.landed"], state["agenda.landed_on"] = agenda.progress.landed.copy(), agenda.progress.landed_on.copy()
     ended = simulation.outcome
     state["outcome.frame"] = np.array(-1 if ended is None else ended.frame)
@@ -74,7 +78,8 @@ def write_state(simulation: Changing, state: Mapping[str, Array]) -> None:
             names the first that differs.
     """
     now = read_state(simulation)
-    grows = {"fresh", "agenda.pending", "agenda.waiting", "agenda.arrivals", "searches", "outcome.standing"}
+    grows = {"fresh", "searches", "outcome.standing"}
+    grows |= {f"agenda.{name}" for name in ("pending", "waiting", "arrivals", "expected", "standing")}
     for name in sorted(now.keys() | state.keys()):
         if name not in now or name not in state:
             raise ValueError(f"array {name!r} is {'missing' if name in now else 'unknown'}")
@@ -100,6 +105,8 @@ def write_state(simulation: Changing, state: Mapping[str, Array]) -> None:
         Arrival(int(avatar), int(asked), int(entered), away)
         for avatar, asked, entered, away in state["agenda.arrivals"].tolist()
     ]
+    simulation._agenda.expected = dict(state["agenda.expected"].tolist())
+    simulation._agenda.standing = state["agenda.standing"].tolist()
     simulation._agenda.progress.landed[...] = state["agenda.landed"]
     simulation._agenda.progress.landed_on[...] = state["agenda.landed_on"]
     simulation.outcome = read_outcome(state, simulation.crowd)

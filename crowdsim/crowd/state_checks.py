@@ -136,7 +136,8 @@ def _check_conditions(simulation: Changing, now: Mapping[str, Array], state: Map
         for name in ("standing", "standing_next"):
             _refuse(prefix + name, fields[name], np.isin(fields[name], np.arange(layout.OUT + 1)))
         for name in ("mode", "does", "does_next"):
-            _refuse(prefix + name, fields[name], np.isin(fields[name], (0.0, 1.0, 2.0, 3.0)))
+            _refuse(prefix + name, fields[name], np.isin(fields[name], np.arange(layout.TRAVELS + 1)))
+        _check_travels(simulation, fields)
         is_down = (standing >= layout.DROPS) & ~(standing == layout.UP)
         fall, lying = fields["fall"], (layout.FALLING, layout.LYING, layout.RISING)
         lies = np.isin(standing, lying) | np.isin(fields["standing_next"], lying)
@@ -147,8 +148,21 @@ def _check_conditions(simulation: Changing, now: Mapping[str, Array], state: Map
         _refuse(prefix + "piece", piece, inside)
         for name, values in fields.items():
             inside = (values >= 0.0) & (values <= FAR) if name not in _ENDLESS | _TEMPERAMENT else ~np.isnan(values)
+            inside = np.abs(values) <= FAR if name in ("way_x", "way_z") else inside
             _refuse(prefix + name, values, inside)
     _refuse("avatars.team", team, np.where(is_down, team == -2 - own, team == own))
+
+
+def _check_travels(simulation: Changing, fields: Mapping[str, Array]) -> None:
+    """Hold the paths of avatars, and the points of these that they go to, against those that there are."""
+    travels, prefix = simulation.crowd.travels, "avatars.conditions."
+    points = np.array([0, *(len(one.points) + one.forms_up for one in travels)])
+    travel, leg = fields["travel"], fields["leg"]
+    is_known = (travel == np.floor(travel)) & (travel >= fields["mode"] // layout.TRAVELS) & (travel <= len(travels))
+    _refuse(prefix + "travel", travel, is_known)
+    _refuse(
+        prefix + "leg", leg, (leg == np.floor(leg)) & (leg >= 0) & (leg < np.maximum(points[travel.astype(int)], 1))
+    )
 
 
 def _check_world(state: Mapping[str, Array]) -> None:
@@ -165,6 +179,7 @@ def _check_rest(simulation: Changing, state: Mapping[str, Array]) -> None:
     for name, numbers, count in (
         ("fresh", fresh, simulation.crowd.count),
         ("agenda.pending", pending, len(simulation.crowd.changes)),
+        ("agenda.standing", np.sort(state["agenda.standing"]), len(simulation.crowd.changes)),
     ):
         if numbers.ndim != 1:
             raise ValueError(f"array {name!r} has the shape {numbers.shape}, expected one axis")
@@ -172,14 +187,21 @@ def _check_rest(simulation: Changing, state: Mapping[str, Array]) -> None:
         _refuse(name, numbers[1:], np.diff(numbers) > 0)
     _refuse("fresh", fresh, present[fresh])
     waiting, arrivals = state["agenda.waiting"], state["agenda.arrivals"]
-    for name, values, width in (("agenda.waiting", waiting, 2), ("agenda.arrivals", arrivals, 4)):
+    expected = state["agenda.expected"]
+    for name, values, width in (
+        ("agenda.waiting", waiting, 2),
+        ("agenda.expected", expected, 2),
+        ("agenda.arrivals", arrivals, 4),
+    ):
         if values.ndim != 2 or values.shape[1] != width:
             raise ValueError(f"array {name!r} has the shape {values.shape}, expected (n, {width})")
         numbers, frames = values[:, 0], values[:, 1 : width - (width == 4)]
         _refuse(name, numbers, (numbers >= 0) & (numbers < simulation.crowd.count) & (numbers == np.floor(numbers)))
-        _refuse(name, frames, (frames >= 0) & (frames <= state["frame"]) & (frames == np.floor(frames)))
-    _refuse("agenda.waiting", waiting[:, 0], ~present[waiting[:, 0]])
-    _refuse("agenda.waiting", waiting[1:, 0], np.diff(waiting[:, 0]) > 0)
+        latest = FAR if name == "agenda.expected" else state["frame"]
+        _refuse(name, frames, (frames >= 0) & (frames <= latest) & (frames == np.floor(frames)))
+    for name, values in (("agenda.waiting", waiting), ("agenda.expected", expected)):
+        _refuse(name, values[:, 0], ~present[values[:, 0]])
+        _refuse(name, values[1:, 0], np.diff(values[:, 0]) > 0)
     _refuse("agenda.arrivals", arrivals[:, 3], (arrivals[:, 3] >= 0.0) & (arrivals[:, 3] <= FAR))
     for name in ("agenda.landed", "agenda.landed_on"):
         _refuse(name, state[name], state[name] >= 0)

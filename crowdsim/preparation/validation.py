@@ -83,8 +83,10 @@ def _warnings(scenario: Scenario) -> list[str]:
     from crowdsim.scenario.warnings import policy_warnings
 
     statistics = {}
-    damaged = any(kind.damage is not None for kind in scenario.types.values())
-    for name in dict.fromkeys(kind.policy for kind in scenario.types.values()) if scenario.targets or damaged else ():
+    is_concerned = bool(scenario.targets) or any(group.enter is not None for group in scenario.groups)
+    is_concerned |= any(event.kind == "leave" for event in scenario.events)
+    is_concerned |= any(kind.damage is not None for kind in scenario.types.values())
+    for name in dict.fromkeys(kind.policy for kind in scenario.types.values()) if is_concerned else ():
         with suppress(PolicyError):
             statistics[name] = read_document(assets.find_bundle(name))["statistics"]
     return [str(warning) for warning in scenario.place(policy_warnings(scenario, statistics))]
@@ -117,6 +119,31 @@ def late_events(scenario: Scenario) -> list[Finding]:
         if frame is not None and frame >= frames:
             what = f"is {value}, but the run ends after {_length(frames, rate)}, expected a time before that"
             findings.append(Finding(("events", index, "when", event.when.kind), what))
+    return findings + _late_entries(scenario, rate)
+
+
+def _late_entries(scenario: Scenario, rate: float) -> list[Finding]:
+    """Return a finding for each group of whom some would enter after the end of the run, even if nothing delays them.
+
+    Groups that an event adds on a condition are passed over: nobody knows when that is.
+    """
+    frames, findings = scenario.control_frames(rate), []
+    for index, group in enumerate(scenario.groups):
+        begin = 0.0
+        if group.waits:
+            adds = [event for event in scenario.events if event.kind == "add" and event.group == group.name]
+            times = [event.when for event in adds if event.when.kind in ("frame", "seconds")]
+            if len(times) < len(adds) or not times:
+                continue
+            begin = min(one.frame if one.kind == "frame" else round(one.seconds * rate) for one in times)
+        if group.enter is None or begin >= frames:
+            continue
+        interval = rate / group.enter.rate
+        number = min(group.count, int((frames - 1 - begin) / interval) + 1)
+        if number < group.count:
+            what = f"is {group.enter.rate:g}, so that {number:,} of {group.count:,} avatars enter before the end after "
+            what += f"{_length(frames, rate)}, expected a higher rate, a longer run or fewer avatars"
+            findings.append(Finding(("groups", index, "enter", "rate"), what))
     return findings
 
 

@@ -209,7 +209,7 @@ def _finished(folder: Path, scenario: Scenario, origin: Origin) -> tuple[Origin,
     try:
         manifest = read_manifest(folder, ("control_frames", "origin"))
         given = {**scenario.model_dump(), "duration": resolved_value(folder, "duration")}
-        same = Scenario.model_validate(given).duration
+        same = Scenario.model_validate(given, context={"folder": scenario.folder}).duration
     except (TakeError, ValueError) as error:
         raise OutputError(f"{folder}: holds no finished run to extend: {error}") from None
     ended = manifest.get("outcome")

@@ -14,7 +14,7 @@ from crowdsim.errors import nearest
 from crowdsim.scenario.cameras import KINDS, check_avatars, choice_findings, shot_findings
 from crowdsim.scenario.description import Description
 from crowdsim.scenario.fight_checks import fight_findings
-from crowdsim.scenario.groups import MAXIMUM_AVATARS, FixedOpponents, Opponents
+from crowdsim.scenario.groups import MAXIMUM_AVATARS, FixedOpponents, Opponents, TablePlacement
 
 _MOST_OF_CIRCLE = 10
 
@@ -79,6 +79,8 @@ def _reference_findings(data: dict[str, Any], groups: list[dict[str, Any]], name
     """Yield a finding for each group, team and target that is named by opponents and events but is none."""
     targets = _mapping(data.get("targets"))
     teams = dict.fromkeys(str(group.get("team", "one")) for group in groups)
+    # Tables may have further teams (``_table_findings``).
+    has_tables = any(_mapping(group.get("placement")).get("kind") == "table" for group in groups)
     known: dict[str, int] = {}
     for i, name in enumerate(names):
         known.setdefault(name, i)
@@ -93,15 +95,22 @@ def _reference_findings(data: dict[str, Any], groups: list[dict[str, Any]], name
         yield from _refer(("events", i, "group"), named, "group", known)
         yield from _refer(("events", i, "when", "group"), when.get("group"), "group", known)
         yield from _refer(("events", i, "when", "to"), when.get("to"), "group", known)
-        yield from _refer(("events", i, "when", "team"), when.get("team"), "team", teams)
+        if not has_tables:
+            yield from _refer(("events", i, "when", "team"), when.get("team"), "team", teams)
         if event.get("kind") == "add" and isinstance(named, str) and named in known:
             added.add(named)
-            if groups[known[named]].get("waits", False) is False:
+            if groups[known[named]].get("waits", False) is False and not _goes_away(data, named):
                 what = f"{show(named)}, which is there from the start, expected a group with 'waits: true'"
                 yield Finding(("events", i, "group"), what)
     for i, group in enumerate(groups):
         if group.get("waits") is True and names[i] not in added:
             yield Finding(("groups", i, "waits"), "no event adds the group, expected one of kind 'add'")
+
+
+def _goes_away(data: dict[str, Any], group: str) -> bool:
+    """Return whether an event lets a group go away, or everyone."""
+    events = [_mapping(item) for item in _list(data.get("events"))]
+    return any(event.get("kind") in ("leave", "remove") and event.get("group") in (None, group) for event in events)
 
 
 def sense_findings(scenario: Description) -> list[Finding]:
@@ -110,6 +119,7 @@ def sense_findings(scenario: Description) -> list[Finding]:
     Of very many, there are no more than ``MOST_FINDINGS`` and one.
     """
     found = chain(
+        _table_findings(scenario),
         _crowd_findings(scenario),
         _search_findings(scenario),
         scenario.outputs.findings(scenario.avatar_count),
@@ -118,6 +128,41 @@ def sense_findings(scenario: Description) -> list[Finding]:
         fight_findings(scenario),
     )
     return list(islice(dict.fromkeys(found), MOST_FINDINGS + 1))
+
+
+def _table_findings(scenario: Description) -> Iterator[Finding]:
+    """Yield types in tables that are none, names that something else has, teams alike, and teams that are none."""
+    groups = list(zip(scenario.groups, scenario.group_names, strict=True))
+    if not any(group.rows for group in scenario.groups):
+        return
+    taken: dict[str, str] = {}
+    for word, words in (("group", scenario.group_names), ("team", scenario.teams), ("type", scenario.types)):
+        taken |= {name.casefold(): f"{word} {name!r}" for name in words}
+    for group, own in groups:
+        if not group.rows:
+            taken |= {name.casefold(): f"avatar {name!r} of group {own!r}" for name in group.avatar_names(own)}
+    teams: dict[str, str] = {}
+    for i, (group, own) in enumerate(groups):
+        if not isinstance(group.placement, TablePlacement):
+            teams.setdefault(group.team.casefold(), group.team)
+            continue
+        for row in group.rows:
+            wrong = []
+            if row.name.text.casefold() in taken:
+                other = taken[row.name.text.casefold()]
+                wrong += [(row.name, f"name is {row.name.text!r} like {other}, expected a name of its own")]
+            if row.type.text and row.type.text not in scenario.types:
+                choice = f"expected a type: {some(scenario.types)}{nearest(row.type.text, scenario.types)}"
+                wrong += [(row.type, f"type is {row.type.text!r}, {choice}")]
+            team = row.team.text or group.team
+            alike = teams.setdefault(team.casefold(), team)
+            if alike != team:
+                wrong += [(row.team, f"team is {team!r}, which is {alike!r} but for capitals, expected one of these")]
+            for cell, what in wrong:
+                yield Finding(("groups", i, "placement", "file"), group.placement.describe(cell, what))
+        taken |= {name.casefold(): f"avatar {name!r} of group {own!r}" for name in group.avatar_names(own)}
+    for i, event in enumerate(scenario.events):
+        yield from _refer(("events", i, "when", "team"), getattr(event.when, "team", None), "team", scenario.teams)
 
 
 def _crowd_findings(scenario: Description) -> Iterator[Finding]:
@@ -145,10 +190,10 @@ def _name_findings(scenario: Description) -> Iterator[Finding]:
     for output in scenario.outputs.wanted():
         for i, avatar in enumerate(getattr(output, "avatars", None) or ()):
             if isinstance(avatar, str) and scenario.members(avatar) is None:
-                groups = [group.name or f"group{number + 1}" for number, group in enumerate(scenario.groups)]
-                known = list(dict.fromkeys([*groups, *scenario.teams, *islice(scenario.avatar_names(), 200)]))
-                some_of = some([*dict.fromkeys([*groups, *scenario.teams])])
-                what = f"{show(avatar)}, expected the number or name of an avatar, or {some_of}{nearest(avatar, known)}"
+                some_of = list(dict.fromkeys([*scenario.group_names, *scenario.teams]))
+                known = list(dict.fromkeys([*some_of, *islice(scenario.avatar_names(), 200)]))
+                what = f"{show(avatar)}, expected the number or name of an avatar, or "
+                what += some(some_of) + nearest(avatar, known)
                 yield output.place(Finding(("avatars", i), what))
 
 
@@ -205,7 +250,7 @@ def _opponents_findings(
 ) -> Iterator[Finding]:
     own = crowd.groups[group]
     if opponents.kind == "other_team" and crowd.team_count == 1:
-        what = f"is 'other_team', but all avatars are of team {own.team!r}, expected a second team or kind 'anyone'"
+        what = f"is 'other_team', but all avatars are of team {own.teams[0]!r}, expected a second team or kind 'anyone'"
         yield Finding((*path, "kind"), what)
     if opponents.kind == "anyone" and crowd.total == 1:
         what = "there is one avatar without an opponent, expected a second avatar or a scripted target"

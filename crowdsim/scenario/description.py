@@ -15,7 +15,7 @@ from crowdsim.errors import ScenarioError
 from crowdsim.scenario.cameras import Cameras
 from crowdsim.scenario.events import Event
 from crowdsim.scenario.fitness import LINGERS, End
-from crowdsim.scenario.groups import AnyoneOpponents, Group, Opponents, PointsPlacement, Target
+from crowdsim.scenario.groups import AnyoneOpponents, Group, Opponents, Target
 from crowdsim.scenario.outputs import Outputs
 from crowdsim.scenario.parts import MAXIMUM_FRAMES, MAXIMUM_SECONDS, Arena, AvatarType, Name, NoArena
 from crowdsim.scenario.rates import Rate
@@ -132,24 +132,18 @@ class Description(StrictModel):
     @property
     def teams(self) -> tuple[str, ...]:
         """Names of the teams in the order in which groups name them."""
-        return tuple(dict.fromkeys(group.team for group in self.groups))
+        return tuple(dict.fromkeys(team for group in self.groups for team in group.teams))
 
     @property
     def files(self) -> tuple[str, ...]:
         """Files that the scenario reads, as paths in its folder; a copy of the scenario needs them beside it."""
-        named = [group.placement.file for group in self.groups if isinstance(group.placement, PointsPlacement)]
+        named = [getattr(group.placement, "file", None) for group in self.groups]
         return tuple(dict.fromkeys(file for file in named if file is not None))
 
     @property
     def used_types(self) -> set[str]:
         """Names of the types that avatars have."""
-        return {
-            name
-            for group in self.groups
-            for name in (
-                [group.type] if group.type is not None else [one for one, share in (group.mix or {}).items() if share]
-            )
-        }
+        return {name for group in self.groups for name in group.types}
 
     def place(self, findings: Iterable[Finding]) -> list[Finding]:
         """Return findings with their positions in the scenario's file, or with its name where it is of none."""
@@ -192,12 +186,17 @@ class Description(StrictModel):
             return self.pre_roll
         return PRE_ROLL if self.avatar_count <= _MOST_PRE_ROLLED else 0.0
 
+    @property
+    def group_names(self) -> list[str]:
+        """Names of the groups; those without a name of their own are called group1, group2, ..."""
+        return [group.name or f"group{i + 1}" for i, group in enumerate(self.groups)]
+
     def avatar_names(self) -> list[str]:
-        """Return the name of every avatar, its group's and a number that grows from 0: ``red_07``."""
+        """Return the name of every avatar: a table's, or its group's and a number that grows from 0, ``red_07``."""
         return [
-            f"{group.name or f'group{i + 1}'}_{number:0{len(str(group.count - 1))}d}"
-            for i, group in enumerate(self.groups)
-            for number in range(group.count)
+            avatar
+            for group, name in zip(self.groups, self.group_names, strict=True)
+            for avatar in group.avatar_names(name)
         ]
 
     def members(self, name: str) -> list[int] | None:
@@ -206,19 +205,23 @@ class Description(StrictModel):
         first = 0
         of_group: list[int] = []
         of_team: list[int] = []
-        for i, group in enumerate(self.groups):
-            own = group.name or f"group{i + 1}"
-            if prefix == own and number.isdecimal() and int(number) < group.count:
+        for group, own in zip(self.groups, self.group_names, strict=True):
+            for i, row in enumerate(group.rows):
+                if row.name.text == name:
+                    return [first + i]
+                of_team += [first + i] if name == (row.team.text or group.team) else []
+            if not group.rows and prefix == own and number.isdecimal() and int(number) < group.count:
                 return [first + int(number)]
             of_group += range(first, first + group.count) if name == own else ()
-            of_team += range(first, first + group.count) if name == group.team else ()
+            of_team += range(first, first + group.count) if not group.rows and name == group.team else ()
             first += group.count
         return of_group or of_team or None
 
     def avatar_name(self, avatar: int) -> str:
-        """Return the name of an avatar, its group's and a number that grows from 0: ``red_07``."""
-        for i, group in enumerate(self.groups):
+        """Return the name of an avatar, see ``avatar_names``."""
+        for group, name in zip(self.groups, self.group_names, strict=True):
             if avatar < group.count:
-                return f"{group.name or f'group{i + 1}'}_{avatar:0{len(str(group.count - 1))}d}"
+                row = group.rows[avatar : avatar + 1]
+                return row[0].name.text if row else f"{name}_{avatar:0{len(str(group.count - 1))}d}"
             avatar -= group.count
         raise IndexError(f"there are {self.avatar_count} avatars")

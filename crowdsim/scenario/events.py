@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from crowdsim.config.files import Fault, StrictModel
-from crowdsim.scenario.groups import Opponents
-from crowdsim.scenario.parts import MAXIMUM_FRAMES, MAXIMUM_SECONDS, Name, Weights
+from crowdsim.scenario.groups import Gait, Opponents, Until, check_path
+from crowdsim.scenario.parts import MAXIMUM_FRAMES, MAXIMUM_SECONDS, Name, Point, Weights
 
 
 class FrameCondition(StrictModel):
@@ -109,8 +109,8 @@ class AddEvent(StrictModel):
     """A waiting group enters."""
 
     kind: Literal["add"] = Field(
-        description="Lets a group with `waits: true` enter at its placement; avatars that are placed where others are "
-        "enter up to 1 m beside it, or wait for room."
+        description="Lets a group with `waits: true`, or one that has left, enter at its placement or along its path; "
+        "avatars that are placed where others are enter up to 1 m beside it, or wait for room."
     )
     when: Condition = Field(description="When it happens.")
     group: Name = Field(description="Group that enters.")
@@ -122,6 +122,38 @@ class RemoveEvent(StrictModel):
     kind: Literal["remove"] = Field(description="Takes a group out of the scene.")
     when: Condition = Field(description="When it happens.")
     group: Name = Field(description="Group that leaves.")
+
+
+class LeaveEvent(StrictModel):
+    """A group goes away along a path."""
+
+    kind: Literal["leave"] = Field(
+        description="Lets avatars go away along a path, at whose end they leave the scene; those that are down, as "
+        "soon as they are up. An event of kind `add` brings them back."
+    )
+    when: Condition = Field(description="When it happens.")
+    group: Name | None = Field(default=None, description="Group that it concerns; without it everyone.")
+    path: tuple[Point, ...] = Field(description="Points that they go to in turn, x and z each [m].")
+    gait: Gait = "walk"
+    until: Until = Field(
+        default="end",
+        description="`attacked`: an avatar at which another one strikes fights again; `end`: none does.",
+    )
+    health_below: float | None = Field(
+        default=None,
+        gt=0,
+        le=1_000_000,
+        description="From then on avatars leave whose health is below this [points], each as soon as it is; without it "
+        "all of them leave at once.",
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> LeaveEvent:
+        check_path(self.path, 1)
+        if self.until == "attacked" and self.health_below is not None:
+            what = "is 'attacked', but avatars whose health is low leave again at once, expected no 'health_below'"
+            raise Fault(f"{what}, or 'end'", "until")
+        return self
 
 
 class FleeEvent(StrictModel):
@@ -163,6 +195,14 @@ class FightEvent(StrictModel):
 
 
 Event = Annotated[
-    WeightsEvent | RetargetEvent | AddEvent | RemoveEvent | FleeEvent | WatchEvent | RestEvent | FightEvent,
+    WeightsEvent
+    | RetargetEvent
+    | AddEvent
+    | RemoveEvent
+    | LeaveEvent
+    | FleeEvent
+    | WatchEvent
+    | RestEvent
+    | FightEvent,
     Field(discriminator="kind"),
 ]

@@ -22,8 +22,12 @@ def fight_findings(scenario: Description) -> Iterator[Finding]:
         if _setting_of(scenario, name, "tempo") is None and kept is not None and limits(kept) != (0.0, 0.0):
             what = "has no effect, since avatars whose tempo is null do not rest between bursts, expected 0 or a tempo"
             yield Finding(("types", name, "range"), what)
-    by_name = {group.name or f"group{i + 1}": group for i, group in enumerate(scenario.groups)}
+    by_name = dict(zip(scenario.group_names, scenario.groups, strict=True))
     for i, event in enumerate(scenario.events):
+        if event.kind == "leave" and event.health_below is not None:
+            concerned = [group for name, group in by_name.items() if event.group in (None, name)]
+            if concerned and not any(_hurt(scenario, group) for group in concerned):
+                yield Finding(("events", i, "health_below"), f"nothing hurts these avatars, {_NEEDS_DAMAGE}")
         when = event.when
         if when.kind not in ("down", "health_below") or (when.group is not None and when.group not in by_name):
             continue
@@ -55,7 +59,7 @@ def _end_findings(scenario: Description) -> Iterator[Finding]:
     elif isinstance(until, CountEnd) and until.down is not None and until.down > most:
         yield Finding(("until", "down"), f"is {until.down}, but {most} avatars can go down, expected at most that")
     elif until == "last_team" and len(scenario.teams) == 1:
-        what = f"is 'last_team', but all avatars are of team {scenario.groups[0].team!r}, expected a second team or "
+        what = f"is 'last_team', but all avatars are of team {scenario.teams[0]!r}, expected a second team or "
         yield Finding(("until",), what + "'last_standing'")
     elif until == "last_standing" and scenario.avatar_count == 1:
         yield Finding(("until",), "is 'last_standing', but there is one avatar, expected a second one")
@@ -69,8 +73,7 @@ def _too_many(count: int, most: int) -> str:
 
 def _damages(scenario: Description, group: Group) -> list[Damage | None]:
     """Return the damage of each type that avatars of a group can have, through all that it extends."""
-    names = [group.type] if group.type is not None else [name for name, share in (group.mix or {}).items() if share]
-    return [_setting_of(scenario, name, "damage") for name in names]
+    return [_setting_of(scenario, name, "damage") for name in group.types]
 
 
 def _setting_of(scenario: Description, name: str, key: str) -> Any:

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 from pathlib import Path, PurePosixPath
-from typing import Annotated, ClassVar, Literal, get_args
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
-from crowdsim.config.files import Fault, StrictModel
+from crowdsim.config.files import Fault, Faults, Finding, StrictModel
 from crowdsim.config.findings import show
 from crowdsim.scenario.names import is_portable
 from crowdsim.scenario.parts import FARTHEST, Name, Point, Weights
+from crowdsim.scenario.tables import Cell, Row, TableError, at, read_table
 
 MAXIMUM_AVATARS = 10_000_000
+_LEAST_LEG = 0.1
+"""How far apart the points of a path are at the least [m]."""
 
 Distance = Annotated[float, Field(ge=0.1, le=1000)]
 Degrees = Annotated[float, Field(ge=-360, le=360)]
@@ -99,40 +103,138 @@ class PointsPlacement(StrictModel):
     def _check(self, info: ValidationInfo) -> PointsPlacement:
         if (self.file is None) == (self.points is None):
             raise Fault("has {} 'file' {} 'points', expected one of them".format(*_both_or_none(self.file)))
-        if self.file is None:
-            return self
-        inner = PurePosixPath(self.file.replace("\\", "/"))
-        if inner.is_absolute() or ".." in inner.parts or ":" in self.file:
-            raise Fault(f"{show(self.file)}, expected a path inside the scenario's folder", "file")
-        if not all(map(is_portable, inner.parts)):
-            raise Fault(f"{show(self.file)}, expected a name that Windows allows, since runs hold the file too", "file")
-        if inner.suffix.lower() not in (".csv", ".npy"):
-            raise Fault(f"{show(self.file)}, expected a file that ends in .csv or .npy", "file")
-        folder: Path | None = (info.context or {}).get("folder")
-        if folder is not None:
-            path = folder / inner
-            # Whatever the name is: Path.is_file fails on very long ones.
-            if not os.path.isfile(path):
-                near = sorted(other.name for other in folder.glob("*") if other.suffix.lower() in (".csv", ".npy"))
-                choice = f"one of {', '.join(near[:10])}" if near else "a CSV or NPY file; the folder has none"
-                raise Fault(f"{show(self.file)}, and {folder} holds no such file, expected {choice}", "file")
-            if not path.resolve().is_relative_to(folder.resolve()):
-                raise Fault(
-                    f"{show(self.file)}, a link that leaves the scenario's folder, expected a file in it", "file"
-                )
-            try:
-                has_changed = self.sha256 is not None and checksum(path) != self.sha256
-            except OSError as error:
-                raise Fault(f"{show(self.file)}, which cannot be read: {error.strerror}", "file") from None
-            if has_changed:
-                raise Fault("the file has changed, expected the checksum of the resolved scenario", "sha256")
+        if self.file is not None:
+            _find_file(self.file, self.sha256, (".csv", ".npy"), info)
         return self
 
 
+class TablePlacement(StrictModel):
+    """As a table says, which names each avatar."""
+
+    kind: Literal["table"] = Field(
+        description="As a table says, which names each avatar, and may give it a heading, a type and a team."
+    )
+    file: str = Field(
+        description="A CSV file in the scenario's folder with a row for each avatar, below the names of columns: "
+        "`name`, `x` and `z` [m], and, if wanted, `heading` [degrees], `type`, `team`, and `number`, the avatar's own "
+        "in the group from 0. What a row leaves empty is as the group says.",
+    )
+    sha256: str | None = Field(default=None, description="Checksum of the file; the resolved scenario fills it in.")
+
+    _path: Path = PrivateAttr(default=Path())
+    _rows: tuple[Row, ...] = PrivateAttr(default=())
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """The rows of the table by the numbers of their avatars."""
+        return self._rows
+
+    def describe(self, cell: Cell, message: str) -> str:
+        """Return what is wrong with a cell, with its file, line and column."""
+        return f"{self._path}:{at(cell, message)}"
+
+    @model_validator(mode="after")
+    def _check(self, info: ValidationInfo) -> TablePlacement:
+        path = _find_file(self.file, self.sha256, (".csv",), info)
+        if path is None:
+            raise Fault(f"{show(self.file)}, expected a folder that it is read from", "file")
+        try:
+            self._path, self._rows = path, read_table(path)
+        except TableError as error:
+            raise Faults(Finding(("file",), f"{path}:{fault}") for fault in error.faults) from None
+        except OSError as error:
+            raise Fault(f"{show(self.file)}, which cannot be read: {error.strerror}", "file") from None
+        return self
+
+
+def _find_file(file: str, sha256: str | None, suffixes: tuple[str, ...], info: ValidationInfo) -> Path | None:
+    """Return the path of a placement's file in the scenario's folder; None where no folder is known.
+
+    Raises:
+        Fault: There is no such file, it may not be used, or it is another than that of the checksum.
+    """
+    inner = PurePosixPath(file.replace("\\", "/"))
+    kinds = " or ".join(suffixes)
+    if inner.is_absolute() or ".." in inner.parts or ":" in file:
+        raise Fault(f"{show(file)}, expected a path inside the scenario's folder", "file")
+    if not all(map(is_portable, inner.parts)):
+        raise Fault(f"{show(file)}, expected a name that Windows allows, since runs hold the file too", "file")
+    if inner.suffix.lower() not in suffixes:
+        raise Fault(f"{show(file)}, expected a file that ends in {kinds}", "file")
+    folder: Path | None = (info.context or {}).get("folder")
+    if folder is None:
+        return None
+    path = folder / inner
+    # Whatever the name is: Path.is_file fails on very long ones.
+    if not os.path.isfile(path):
+        near = sorted(other.name for other in folder.glob("*") if other.suffix.lower() in suffixes)
+        words = kinds.replace(".", "").upper().replace("OR", "or")
+        choice = f"one of {', '.join(near[:10])}" if near else f"a {words} file; the folder has none"
+        raise Fault(f"{show(file)}, and {folder} holds no such file, expected {choice}", "file")
+    if not path.resolve().is_relative_to(folder.resolve()):
+        raise Fault(f"{show(file)}, a link that leaves the scenario's folder, expected a file in it", "file")
+    try:
+        has_changed = sha256 is not None and checksum(path) != sha256
+    except OSError as error:
+        raise Fault(f"{show(file)}, which cannot be read: {error.strerror}", "file") from None
+    if has_changed:
+        raise Fault("the file has changed, expected the checksum of the resolved scenario", "sha256")
+    return path
+
+
 Placement = Annotated[
-    GridPlacement | RingPlacement | LinePlacement | ArmyPlacement | DiscPlacement | PointsPlacement,
+    GridPlacement | RingPlacement | LinePlacement | ArmyPlacement | DiscPlacement | PointsPlacement | TablePlacement,
     Field(discriminator="kind"),
 ]
+PACES = {"walk": 1.2, "run": 2.6}
+"""The speed that avatars of scale 1 are to travel at [m/s]; they run a little slower."""
+Gait = Annotated[
+    Literal["walk", "run"],
+    Field(
+        description="How avatars travel, in their guard and as far as their policy's motion allows: `walk`, at about "
+        "1.3 m/s, or `run`, at about 2.4 m/s."
+    ),
+]
+Until = Literal["attacked", "end"]
+
+
+def check_path(points: tuple[Point, ...], least: int) -> None:
+    """Raise a fault where a path has too few points, or two in a row that are one.
+
+    Raises:
+        Fault: The path is none.
+    """
+    if len(points) < least:
+        what = "where avatars appear, and where they go" if least > 1 else "where avatars go"
+        raise Fault(f"has {len(points)} point{'s'[: len(points) != 1]}, expected {least} or more: {what}", "path")
+    for i in range(1, len(points)):
+        if math.dist(points[i - 1], points[i]) < _LEAST_LEG:
+            what = f"is nearer than {_LEAST_LEG} m to the point before it, expected a way between them"
+            raise Fault(what, "path", i)
+
+
+class Entrance(StrictModel):
+    """Avatars enter one by one along a path."""
+
+    path: tuple[Point, ...] = Field(
+        description="Points, x and z each [m]: avatars appear at the first one, and travel to the others in turn."
+    )
+    rate: float = Field(
+        default=0.5, gt=0, le=100, description="Avatars that enter per second, while the start is free."
+    )
+    gait: Gait = "walk"
+    until: Until = Field(
+        default="attacked",
+        description="`attacked`: an avatar at which another one strikes fights from then on; `end`: none fights before "
+        "it is at the end of its path.",
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Entrance:
+        check_path(self.path, 2)
+        return self
+
+
 Facing = Literal["placement", "centre", "outwards", "enemies", "random"] | Degrees
 
 Hysteresis = Annotated[float, Field(ge=0, le=100)]
@@ -245,6 +347,10 @@ class PointsTarget(StrictModel):
 Target = Annotated[CircleTarget | PointsTarget, Field(discriminator="kind")]
 
 
+def _without_default(schema: dict[str, Any]) -> None:
+    del schema["default"]
+
+
 class Group(StrictModel):
     """Avatars that are placed and led together."""
 
@@ -254,8 +360,23 @@ class Group(StrictModel):
     team: Name = Field(default="one", description="Name of the team.")
     type: Name | None = Field(default=None, description="Type of all avatars of the group.")
     mix: Weights | None = Field(default=None, description="Instead of `type`: types by weight, drawn for each avatar.")
-    count: int = Field(ge=1, le=MAXIMUM_AVATARS, description="Number of avatars.")
-    placement: Placement = Field(description="Positions at the start.")
+    count: int = Field(
+        default=0,
+        ge=1,
+        le=MAXIMUM_AVATARS,
+        description="Number of avatars; of a placement `table`, without it as many as the table has rows.",
+        json_schema_extra=_without_default,
+    )
+    placement: Placement | None = Field(
+        default=None,
+        description="Positions at the start; of a group that enters along a path, where each avatar goes behind it: "
+        "without it none goes any further.",
+    )
+    enter: Entrance | None = Field(
+        default=None,
+        description="How avatars enter one by one along a path, and fight at its end; without it they are there at "
+        "once. With `waits` the first one enters when an event adds the group.",
+    )
     facing: Facing = Field(
         default="placement",
         description="Headings at the start: `placement` (as the placement says), `centre` or `outwards` (to or "
@@ -266,11 +387,60 @@ class Group(StrictModel):
 
     @model_validator(mode="after")
     def _check(self) -> Group:
-        if (self.type is None) == (self.mix is None):
-            raise Fault("has {} 'type' {} 'mix', expected one of them".format(*_both_or_none(self.type)))
         if self.mix is not None and not sum(self.mix.values()) > 0:
             raise Fault("all weights are 0, expected one above 0", "mix")
+        if self.placement is None and self.enter is None:
+            raise Fault("missing, expected a mapping with 'kind', or 'enter' with a path", "placement")
+        if self.enter is not None and self.facing != "placement":
+            raise Fault("has no effect with 'enter', since avatars look along their path, expected no facing", "facing")
+        if not isinstance(self.placement, TablePlacement):
+            if (self.type is None) == (self.mix is None):
+                raise Fault("has {} 'type' {} 'mix', expected one of them".format(*_both_or_none(self.type)))
+            if not self.count:
+                raise Fault(f"missing, expected a whole number from 1 to {MAXIMUM_AVATARS}", "count")
+            return self
+        rows, file = self.placement.rows, self.placement.file
+        if not self.count:
+            object.__setattr__(self, "count", len(rows))
+        if self.count > len(rows):
+            raise Fault(f"is {self.count}, but {file} has {len(rows)} rows, expected at most as many", "count")
+        if self.type is not None and self.mix is not None:
+            raise Fault("has both 'type' and 'mix', expected one of them")
+        if self.enter is not None and any(row.heading is not None for row in rows):
+            what = f"is {file!r}, whose headings have no effect with 'enter', since avatars look along their path"
+            raise Fault(f"{what}, expected no column 'heading'", "placement", "file")
+        untyped = next((row for row in self.rows if not row.type.text), None)
+        if untyped is not None and self.type is None and self.mix is None:
+            what = f"has neither 'type' nor 'mix', and {file} has no type in line {untyped.type.line}"
+            raise Fault(f"{what}, expected one of these")
         return self
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """The rows of the table that places the avatars, one for each; none where no table does."""
+        return self.placement.rows[: self.count] if isinstance(self.placement, TablePlacement) else ()
+
+    @property
+    def comes_later(self) -> bool:
+        """Whether its avatars enter during the run, by an event or along a path."""
+        return self.waits or self.enter is not None
+
+    @property
+    def types(self) -> list[str]:
+        """Names of the types that avatars of the group have, or may draw."""
+        own = [row.type.text for row in self.rows]
+        drawn = [self.type] if self.type is not None else [name for name, share in (self.mix or {}).items() if share]
+        return list(dict.fromkeys([*filter(None, own), *(drawn if not all(own) or not own else [])]))
+
+    @property
+    def teams(self) -> list[str]:
+        """Names of the teams that avatars of the group are of."""
+        return list(dict.fromkeys([row.team.text or self.team for row in self.rows] or [self.team]))
+
+    def avatar_names(self, name: str) -> list[str]:
+        """Return the names of its avatars: those of a table, or the group's and a number that grows from 0."""
+        width = len(str(self.count - 1))
+        return [row.name.text for row in self.rows] or [f"{name}_{number:0{width}d}" for number in range(self.count)]
 
 
 def _both_or_none(one: object) -> tuple[str, str]:

@@ -21,11 +21,7 @@ from crowdsim.scenario.checks import name_findings, sense_findings
 from crowdsim.scenario.description import MAXIMUM_SEED, Description
 from crowdsim.scenario.fitness import CountEnd
 from crowdsim.scenario.frame_ranges import parse_length
-from crowdsim.scenario.groups import (
-    SEARCHES,
-    PointsPlacement,
-    checksum,
-)
+from crowdsim.scenario.groups import SEARCHES, PointsPlacement, TablePlacement, checksum
 from crowdsim.scenario.parts import MAXIMUM_FRAMES, MAXIMUM_SECONDS, AvatarType
 
 VERSION = 1
@@ -92,7 +88,7 @@ def load_scenario(
     else:
         what = f"the scenario is of type {type(source).__name__}"
         raise ScenarioError(f"{what}, expected a file, the name of a scenario, or a mapping with its keys")
-    scenario = _changed(scenario, name, seed, frames, fraction)
+    scenario = _changed(scenario, name, folder, seed, frames, fraction)
     if search is not None:
         if search not in SEARCHES:
             raise ScenarioError(f"the search is {search!r}, expected {quoted(SEARCHES)}{nearest(search, SEARCHES)}")
@@ -123,7 +119,12 @@ def build_scenario(**keys: Any) -> Scenario:
 
 
 def _changed(
-    scenario: Scenario, name: str, seed: int | None, frames: int | str | None, fraction: float | None
+    scenario: Scenario,
+    name: str,
+    folder: Path,
+    seed: int | None,
+    frames: int | str | None,
+    fraction: float | None,
 ) -> Scenario:
     """Return a scenario with another seed or length, or a part of its avatars, see ``load_scenario``."""
     changes: dict[str, Any] = {}
@@ -143,7 +144,7 @@ def _changed(
             changes["until"] = {"down": max(1, int(scenario.until.down * fraction))}
     if changes:
         try:
-            changed = Scenario.model_validate({**scenario.model_dump(), **changes})
+            changed = Scenario.model_validate({**scenario.model_dump(), **changes}, context={"folder": folder})
         except ValidationError as error:
             reasons = [str(detail.get("ctx", {}).get("error", detail["msg"])) for detail in error.errors()]
             raise ScenarioError(f"{name}: with fraction {fraction}: {'; '.join(reasons)}") from None
@@ -190,7 +191,7 @@ def resolve_scenario(scenario: Scenario, folder: FileName = ".") -> Scenario:
     groups = []
     for i, group in enumerate(scenario.groups):
         placement = group.placement
-        if isinstance(placement, PointsPlacement) and placement.file is not None:
+        if isinstance(placement, PointsPlacement | TablePlacement) and placement.file is not None:
             try:
                 found = checksum(folder / placement.file)
             except OSError as error:

@@ -3,32 +3,57 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from crowdsim.config.files import Finding
+from crowdsim.errors import nearest
 from crowdsim.scenario.distributions import limits
-from crowdsim.scenario.groups import CircleTarget, Group, Opponents, Target, TargetOpponents
+from crowdsim.scenario.groups import PACES, CircleTarget, Group, Opponents, TablePlacement, Target, TargetOpponents
 from crowdsim.scenario.parts import AvatarType
 
 if TYPE_CHECKING:
     from crowdsim.scenario.scenario import Scenario
 
+_CLEARLY = 0.7
+"""Share of a gait's speed below which the motion of a policy is clearly slower."""
+
 
 def policy_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
-    """Return a finding for each thing that a scenario asks of its policies and they cannot do.
+    """Return a finding for each thing that a scenario asks of its policies and they cannot do, or may not mean.
 
     Args:
         scenario: The scenario, resolved.
         statistics: Statistics of each policy by its name; types of other policies are passed over.
     """
     return [
+        *team_warnings(scenario),
         *speed_warnings(scenario, statistics),
         *fall_warnings(scenario, statistics),
         *rest_warnings(scenario, statistics),
+        *gait_warnings(scenario, statistics),
     ]
+
+
+def team_warnings(scenario: Scenario) -> list[Finding]:
+    """Return a finding for each avatar that is alone in a team of a table whose name is nearly that of another team."""
+    counts: Counter[str] = Counter()
+    for group in scenario.groups:
+        counts.update([row.team.text or group.team for row in group.rows] or {group.team: group.count})
+    larger = [team for team, count in counts.items() if count > 1]
+    findings = []
+    for index, group in enumerate(scenario.groups):
+        for row in group.rows:
+            name = row.team.text
+            if isinstance(group.placement, TablePlacement) and name and counts[name] == 1 and nearest(name, larger):
+                what = f"team is {name!r}, and no other avatar is of it{nearest(name, larger)}"
+                findings.append(
+                    Finding(("groups", index, "placement", "file"), group.placement.describe(row.team, what))
+                )
+    return findings
 
 
 def rest_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
@@ -38,7 +63,7 @@ def rest_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any]
         if event.kind != "rest":
             continue
         groups = [group for group in scenario.groups if event.group in (None, group.name)]
-        policies = {scenario.types[name].policy for group in groups for name in _types_of(group)}
+        policies = {scenario.types[name].policy for group in groups for name in group.types}
         for policy in sorted(policies & set(statistics)):
             if statistics[policy].get("rests"):
                 continue
@@ -50,9 +75,27 @@ def rest_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any]
     return findings
 
 
-def _types_of(group: Group) -> list[str]:
-    """Return the types that avatars of a group have."""
-    return [group.type] if group.type is not None else [name for name, share in (group.mix or {}).items() if share]
+def gait_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
+    """Return a finding for each gait that is clearly faster than the motion of a policy is."""
+    groups, findings = scenario.groups, []
+    travels: list[tuple[tuple[str | int, ...], str, list[Group]]] = [
+        (("groups", i, "enter", "gait"), group.enter.gait, [group])
+        for i, group in enumerate(groups)
+        if group.enter is not None
+    ]
+    travels += [
+        (("events", j, "gait"), event.gait, [group for group in groups if event.group in (None, group.name)])
+        for j, event in enumerate(scenario.events)
+        if event.kind == "leave"
+    ]
+    for loc, gait, concerned in travels:
+        policies = {scenario.types[name].policy for group in concerned for name in group.types}
+        for policy in sorted(policies & set(statistics)):
+            speed = statistics[policy].get("sustained_speed", math.inf)
+            if speed < _CLEARLY * PACES[gait]:
+                what = f"is {gait!r}, at about {PACES[gait]:g} m/s, but policy {policy!r} sustains {speed:.2g} m/s"
+                findings.append(Finding(loc, f"{what}: its avatars travel at that speed"))
+    return findings
 
 
 def fall_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
@@ -105,7 +148,7 @@ def _followers(scenario: Scenario, target: str) -> list[str]:
         given: list[Opponents] = [group.opponents or scenario.opponents]
         given += [e.opponents for e in scenario.events if e.kind == "retarget" and e.group in (None, group.name)]
         if any(isinstance(one, TargetOpponents) and one.target == target for one in given):
-            found.update(dict.fromkeys(_types_of(group)))
+            found.update(dict.fromkeys(group.types))
     return list(found)
 
 

@@ -59,6 +59,7 @@ CAST: Mapping[str, Column] = {
     "aggression": Column("float32", ("N",), (Within(0.0, 1e6),)),
     "range": Column("float32", ("N",), (Within(-FAR, FAR),)),
     "stance": Column("uint8", ("N",), (Within(0, len(STANCES)),)),
+    "group": Column("int32", ("N",), (Index("groups"),)),
 }
 """What is constant for each avatar, but for its name."""
 

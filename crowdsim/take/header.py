@@ -39,6 +39,7 @@ class TakeHeader:
             "policy_names": list(cast.policy_names),
             "policy_fingerprints": list(self.fingerprints),
             "target_names": list(self.target_names),
+            **({"group_names": list(cast.group_names)} if cast.group_names else {}),
             "reactions": self.reactions,
             "collision_avoidance": self.collision_avoidance,
             # xarray reads coordinates that are no dimensions from here.

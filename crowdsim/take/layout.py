@@ -26,6 +26,7 @@ LABELS = {
     "aggression": ("1", "how readily the avatar strikes, as a factor"),
     "range": ("m", "how much further than others the avatar keeps from its opponent while it rests"),
     "stance": ("1", "which foot leads"),
+    "group": ("1", "index into the attribute group_names"),
     "name": ("1", "avatar name"),
     "target": ("m", "position of each scripted target"),
 }
@@ -59,6 +60,7 @@ CAST = {
     "aggression": "aggressions",
     "range": "ranges",
     "stance": "stances",
+    "group": "groups",
     "name": "names",
 }
 LATER_CAST = ("girth", "legs", "arms", "tempo", "aggression", "range", "stance")

@@ -77,6 +77,7 @@ class TakeAttributes(OpenModel):
     policy_names: list[str] = Field(min_length=1)
     policy_fingerprints: list[str]
     target_names: list[str] = Field(max_length=4096)
+    group_names: list[str] = Field(default_factory=list)
     reactions: bool = True
     collision_avoidance: bool = True
     type_colours: list[list[Annotated[float, Field(ge=0.0, le=1.0)] | None]]

@@ -36,11 +36,12 @@ def read_take(folder: Path) -> Take:
         "types": len(attributes["type_names"]),
         "teams": len(attributes["team_names"]),
         "policies": len(attributes["policy_names"]),
+        "groups": len(attributes.get("group_names", ())),
     }
     constant = {
         CAST[name]: open_column(folder / name, column, sizes)[:]
         for name, column in checks.CAST.items()
-        if name not in LATER_CAST or (folder / name).is_dir()
+        if (name not in LATER_CAST or (folder / name).is_dir()) and (name != "group" or attributes.get("group_names"))
     }
     colours = [[np.nan if c is None else c for c in row] for row in attributes["type_colours"]]
     cast = Cast(
@@ -49,6 +50,7 @@ def read_take(folder: Path) -> Take:
         type_names=tuple(attributes["type_names"]),
         team_names=tuple(attributes["team_names"]),
         policy_names=tuple(attributes["policy_names"]),
+        group_names=tuple(attributes.get("group_names", ())),
         colours=np.array(colours, float).reshape(-1, 3),
     )
     _check_names(folder, cast)

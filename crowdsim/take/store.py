@@ -126,6 +126,8 @@ class TakeWriter:
             self._create(self.group, name, (room, avatars), chunks, DTYPES[name], ["frame", "avatar"])
         for name, field in CAST.items():
             values = np.asarray(getattr(cast, field))
+            if name == "group" and not cast.group_names:
+                continue
             kind = f"<U{max(1, max(map(len, values), default=1))}" if name == "name" else _little(values.dtype)
             array = self._create(self.group, name, (avatars,), (max(1, avatars),), kind, ["avatar"])
             array[...] = values.astype(kind)

@@ -50,11 +50,14 @@ groups:
   placement: {kind: disc, radius: 9, distance: 0.8}
 - {name: blue, team: two, type: b, count: 2, waits: true, placement: {kind: points, points: [[20, 1], [21, 2]]}}
 - {name: green, type: a, count: 2, placement: {kind: disc, centre: [30, 0], radius: 2}}
+- {name: cast, team: two, mix: {a: 1, b: 2}, placement: {kind: table, file: cast.csv}}
+- {name: door, team: two, type: b, count: 2, enter: {path: [[40, 0], [35, 0]], rate: 2, gait: run, until: end}}
 opponents: {kind: other_team, hysteresis: 0.2}
 targets: {head: {kind: points, points: [[1, 2], [3, 4]]}}
 events:
 - {kind: add, group: blue, when: {kind: seconds, seconds: 0.5}}
 - {kind: retarget, group: red, opponents: {kind: target, target: head}, when: {kind: strikes, count: 3, team: two}}
+- {kind: leave, group: red, path: [[0, 30]], gait: walk, when: {kind: frame, frame: 20}}
 - {kind: weights, temperature: 0.3, when: {kind: distance, group: red, to: blue, below: 2}}
 outputs:
   bvh: {fps: 30, avatars: [0, 1], frames: 0:10}
@@ -69,6 +72,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("root") / "scenes"
     folder.mkdir()
     (folder / "rows.csv").write_text("x,z\n0,9\n1,9\n")
+    (folder / "cast.csv").write_text("name,x,z,type,team,number\nAnna,0,20,a,,1\nBen,1,20,,one,0\n")
     np.save(folder / "rows.npy", np.array([[0.0, 9.0], [1.0, 9.0]]))
     (folder / "huge.npy").write_bytes(
         (folder / "rows.npy").read_bytes().replace(b"(2, 2), }         ", b"(10000000000, 2), }")

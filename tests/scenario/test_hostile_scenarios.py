@@ -73,7 +73,7 @@ def test_long_scenarios_are_read_in_little_time(text: str) -> None:
             "s.yaml:8:3: events[0].kind: missing, expected 'weights', 'retarget', ",
         ),
         (BASE + EVENTS + "- {kind: 1}\n" * 70_000, "s.yaml:66666:3: the file holds more than 100,000 values, exp"),
-        (BASE + "- {type: b, count: 0, waits: 3}\n" * 14_000, "s.yaml:7:3: groups[1].placement: missing, expected "),
+        (BASE + "- {type: b, count: 0, waits: 3}\n" * 14_000, "s.yaml:7:10: groups[1].type: is 'b', expected a type"),
         (BASE + "".join(f"k{i}: 1\n" for i in range(9_000)), "s.yaml:7:1: k0: unknown key, expected version, name, "),
         (
             BASE + "".join(f"k{i}: 1\n" for i in range(90_000)),

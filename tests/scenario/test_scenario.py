@@ -126,6 +126,17 @@ def test_the_committed_schema_and_reference_page_are_current():
     assert "| `csv` | " in commands
 
 
+def test_examples_of_the_reference_page_are_valid(tmp_path):
+    page = (ROOT / "docs/scenarios.md").read_text(encoding="utf-8")
+    (table,) = re.findall(r"```csv\n(.*?)```", page, re.DOTALL)
+    (tmp_path / "cast.csv").write_text(table)
+    examples = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
+    for number, example in enumerate(examples):
+        (tmp_path / f"{number}.yaml").write_text(example)
+        place_groups(load_scenario(tmp_path / f"{number}.yaml"))
+    assert len(examples) == 2
+
+
 def test_every_key_of_the_schema_has_a_meaning():
     schema = json.loads(scenario_schema())
     for name, part in {"Scenario": schema, **schema["$defs"]}.items():
@@ -212,11 +223,11 @@ def test_the_reference_page_links_to_sections_that_it_has():
         ("name: blue", "name: Red", "9:12: groups[1].name: is 'Red' like groups[0], expected a name of its own"),
         ("count: 3", "count: 0", "8:48: groups[0].count: is 0, expected a whole number from 1 to 10000000"),
         ("placement: {kind: grid}", "placement: {kind: gird}",
-         "8:69: groups[0].placement.kind: is 'gird', expected 'grid', 'ring', 'line', 'army', 'disc' or 'points' "
-         "(did you mean 'grid'?)"),
+         "8:69: groups[0].placement.kind: is 'gird', expected 'grid', 'ring', 'line', 'army', 'disc', 'points' or "
+         "'table' (did you mean 'grid'?)"),
         ("placement: {kind: grid}", "placement: {kidn: grid}",
-         "8:63: groups[0].placement.kidn: unknown key, expected kind: 'grid', 'ring', 'line', 'army', 'disc' or "
-         "'points' (did you mean 'kind'?)"),
+         "8:63: groups[0].placement.kidn: unknown key, expected kind: 'grid', 'ring', 'line', 'army', 'disc', "
+         "'points' or 'table' (did you mean 'kind'?)"),
         ("placement: {kind: grid}", "placement: {kind: grid, centre: [1, 0, 2]}",
          "8:83: groups[0].placement.centre: has 3 items, expected a list of two numbers, x and z [m]"),
         ("placement: {kind: grid}", "placement: {kind: disc, radius: 0}",
@@ -518,7 +529,7 @@ def test_overrides_reach_into_groups():
         load_scenario(path, ["groups[0].cuont=12"])
     assert str(caught.value) == (
         "--set groups[0].cuont=12: groups[0].cuont: unknown key, expected name, team, type, mix, count, placement, "
-        "facing, opponents or waits (did you mean 'count'?)"
+        "enter, facing, opponents or waits (did you mean 'count'?)"
     )
 
 

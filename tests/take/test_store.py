@@ -38,6 +38,8 @@ CAST = Cast(
     aggressions=np.linspace(0.5, 2.0, AVATARS).astype(np.float32),
     ranges=np.linspace(-0.2, 0.4, AVATARS).astype(np.float32),
     stances=np.array([0, 1, 2, 1, 1], np.uint8),
+    groups=np.array([0, 0, 1, 1, 0], np.int32),
+    group_names=("first", "second"),
 )
 NO_EVENTS = Events(*(np.zeros((0, 3) if name == "point" else 0) for name in Events.__dataclass_fields__))
 HEADER = TakeHeader(CAST, 15.0, "test", 3, ("abc",), ("ball",))

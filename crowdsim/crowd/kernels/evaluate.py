@@ -6,6 +6,7 @@ from crowdsim.crowd.kernels.terms.defence import defend
 from crowdsim.crowd.kernels.terms.facing import face_opponent
 from crowdsim.crowd.kernels.terms.guard import keep_guard
 from crowdsim.crowd.kernels.terms.look_up import look_up
+from crowdsim.crowd.kernels.terms.pace import keep_pace
 from crowdsim.crowd.kernels.terms.rest import seek_rest
 from crowdsim.crowd.kernels.terms.stance import keep_stance
 from crowdsim.crowd.kernels.terms.stillness import favour_stillness
@@ -31,3 +32,4 @@ def evaluate(model, avatars, world, now, due, count, observed, scratch):
         face_opponent(model, avatars, world, now, own, observed, q, scratch)
         keep_guard(model, avatars, world, now, own, observed, q, scratch)
         keep_stance(model, avatars, world, now, own, observed, q, scratch)
+        keep_pace(model, avatars, world, now, own, observed, q, scratch)

@@ -10,6 +10,7 @@ from crowdsim.crowd.kernels.interpolation import between
 from crowdsim.crowd.kernels.layout import AHEAD, FORESEEN, HEAD, Target
 from crowdsim.crowd.kernels.opponents import change_opponent
 from crowdsim.crowd.kernels.prefetch import prefetch, prefetch_avatar
+from crowdsim.crowd.kernels.travelling import see_way, travels
 from crowdsim.jit import kernel
 
 AT_HAND = 0.75  # distance of a scripted target beyond which an avatar walks to where the two will meet [m]
@@ -41,10 +42,13 @@ def observe(model, avatars, world, now, due, count, observed, scratch):
             down = is_down(avatars, own)
             if down:
                 avatars.fight[own].next_opponent, seen = -1, False
+            elif travels(avatars, own):
+                opponent, target, seen = -1, see_way(model, avatars, own, observed, q), True
             else:
                 other = opponent if seen else -1
                 target = see_by_intent(model, avatars, world, now, own, other, target, observed, q)
-        if not down and arena.kind != 0.0 and outside(arena, avatars.x[own], avatars.z[own]) > world.crowding.turn_back:
+        bounded = not down and arena.kind != 0.0 and not travels(avatars, own)
+        if bounded and outside(arena, avatars.x[own], avatars.z[own]) > world.crowding.turn_back:
             # The middle counts until the avatar is inside again.
             target, seen = Target(arena.x, target.y, arena.z, 0.0, 0.0, target.lasts), True
         _write_situation(avatars, own, target, scratch.situations, q)

@@ -84,11 +84,13 @@ CONDITION = np.dtype(
     _fields(
         _F8, "mode", "does", "does_next", "keeps", "standing", "standing_next", "fall", "downs", "rises", "health",
         "hurt", "hurt_frame", "stamina", "tempo", "aggression", "range", "stance", "piece",
+        "way_x", "way_z", "pace", "travel", "leg",
     )
 )  # fmt: skip
 """How an avatar is in a fight.
 
-    mode: What groups and events have set it to do about its opponent: ``FIGHTS``, ``WATCHES``, ``FLEES`` or ``RESTS``.
+    mode: What groups and events have set it to do about its opponent: ``FIGHTS``, ``WATCHES``, ``FLEES``, ``RESTS``
+        or ``TRAVELS``.
     does, does_next: What it does in its present action, and in its next one.
     keeps: The distance that it keeps while it watches [m].
     standing, standing_next: ``UP`` to ``OUT``, now and from its next action on.
@@ -103,6 +105,9 @@ CONDITION = np.dtype(
     range: How much further away than others it stays while it rests [m].
     stance: 1 orthodox, 2 southpaw, 0 any.
     piece: 1 more than its row of ``Model.rests`` while it stands at ease, else 0.
+    way_x, way_z: The point that it travels to [m].
+    pace: How fast it travels, for a body of scale 1 [m in a control frame].
+    travel, leg: 1 more than the number of its path (``Crowd.travels``), else 0, and which point of that is next.
 """
 
 SEEN = np.dtype(_fields(_F8, "x", "z", "turn", "frame"))

@@ -15,6 +15,7 @@ from crowdsim.crowd.kernels.layout import Axis
 from crowdsim.crowd.kernels.lying import axis_of, from_axis, is_on_floor
 from crowdsim.crowd.kernels.sole_contact import treads_on
 from crowdsim.crowd.kernels.tables import whole_lanes
+from crowdsim.crowd.kernels.travelling import travels
 from crowdsim.jit import kernel
 
 HALTED = 0.75  # where bodies meet while they halt, over where they do at the end of actions
@@ -59,7 +60,7 @@ def avoid_collisions(model, avatars, world, now, own, observed, q, scratch):
     close = 0
     if world.crowding.end_cost > 0.0 or world.crowding.path_cost > 0.0:
         close = _list_close(model, avatars, world.crowding, own, observed, q, furthest, scratch.near)
-    leaves = may_leave(world.arena, avatars.x[own], avatars.z[own], furthest)
+    leaves = may_leave(world.arena, avatars.x[own], avatars.z[own], furthest) and not travels(avatars, own)
     staggers = (
         now.frame - avatars.fight[own].hit_frame <= STAGGER
         and avatars.fight[own].hit_x ** 2 + avatars.fight[own].hit_z ** 2 >= 1.0
