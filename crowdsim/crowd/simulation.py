@@ -19,6 +19,7 @@ from crowdsim.crowd.cohorts import cohort_columns
 from crowdsim.crowd.crowd import Crowd, build_avatars, enter
 from crowdsim.crowd.entering import AGAIN, Arrival, describe_arrivals, find_entries
 from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.confinement import confine_all
 from crowdsim.crowd.kernels.layout import Now
 from crowdsim.crowd.kernels.loop import run_frames
 from crowdsim.crowd.kernels.records import COHORT, RULE, records
@@ -33,10 +34,16 @@ from crowdsim.crowd.stages import Stages, lost_avatar
 from crowdsim.crowd.state import read_state, write_state
 from crowdsim.crowd.workers import Workers
 from crowdsim.errors import RunError, nearest
+from crowdsim.places.arrays import build_places
 from crowdsim.scenario.groups import SEARCHES
 
 SMALL = 400
 """Most avatars whose opponents ``auto`` finds by comparing with everyone, many frames in one compiled call."""
+
+
+def crowd_model(crowd: Crowd) -> Model:
+    """Return the policies of a crowd one after another, with what its avatars need of them."""
+    return build_model(crowd.policies, bool(crowd.cast.stances.any()), bool(len(crowd.parts)))
 
 
 class Simulation:
@@ -79,7 +86,7 @@ class Simulation:
                 f"crowd has weights of {crowd.weights.shape[1]} behaviours, expected {most} as policies have"
             )
         self.crowd = crowd
-        self.model = build_model(crowd.policies, bool(crowd.cast.stances.any())) if model is None else model
+        self.model = crowd_model(crowd) if model is None else model
         self.avatars: Avatars = build_avatars(crowd, self.model, order)
         self.present = int(np.count_nonzero(crowd.present))
         self.frame = 0
@@ -102,6 +109,7 @@ class Simulation:
             rules=records(crowd.rules, RULE) if len(crowd.rules) else np.zeros(len(crowd.weights), RULE),
             pauses=np.zeros(1),
             arena=Arena(*map(float, crowd.arena)),
+            places=build_places(crowd.parts),
             crowding=CrowdingRules(*map(float, crowd.crowding.numbers())),
             targets=np.zeros((2, 0, 3)),
             streams=Streams(*(np.uint64(stream(crowd.seed, one)) for one in (Purpose.CHOICE, Purpose.BURST))),
@@ -112,6 +120,8 @@ class Simulation:
                 rolled.avatars.fight["rested"] = np.inf  # strikes cost everyone as much as after a burst
                 rolled.run(crowd.pre_roll)
             self._fresh = take_over(self.avatars, rolled.avatars, self.present)
+        if len(crowd.parts):
+            confine_all(self.model, self.avatars, self._world, 0, self.present)
 
     @property
     def nbytes(self) -> int:
