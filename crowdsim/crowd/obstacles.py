@@ -178,7 +178,7 @@ def _door_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]]) -> l
     for number, shape in shapes:
         if not isinstance(shape, Wall):
             continue
-        for index, door in enumerate(sorted(shape.doors, key=lambda one: one.at)):
+        for index, door in sorted(enumerate(shape.doors), key=lambda one: one[1].at):
             mine = parts[(parts["kind"] == DOOR)][seen]
             seen += 1
             ahead = np.array([-mine["uz"], mine["ux"]]) * (shape.thickness / 2 + _PROBED)

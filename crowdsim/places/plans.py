@@ -39,12 +39,7 @@ def read_plan(path: Path, plan: Plan) -> list[Shape]:
     except UnicodeDecodeError:
         raise PlanError(f"{path}: is no UTF-8, expected a text file") from None
     sketch = (read_svg if path.suffix.lower() == ".svg" else read_geojson)(path, text)
-    try:
-        return _laid_out(path, sketch, plan)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(map(str, first["loc"]))
-        raise PlanError(f"{path}: {where}: {first.get('ctx', {}).get('error', first['msg'])}") from None
+    return _laid_out(path, sketch, plan)
 
 
 def _laid_out(path: Path, sketch: Sketch, plan: Plan) -> list[Shape]:
@@ -75,7 +70,14 @@ def _laid_out(path: Path, sketch: Sketch, plan: Plan) -> list[Shape]:
     for line, closed, keys in sketch.walls:
         given = {"thickness": plan.thickness, "height": plan.height, **keys}
         if len(set(line)) > 1:
-            found.append(Wall(kind="wall", points=tuple(map(place, line)), closed=closed, **given))
+            x, z = place(line[0])
+            try:
+                found.append(Wall(kind="wall", points=tuple(map(place, line)), closed=closed, **given))
+            except ValidationError as error:
+                first = error.errors()[0]
+                where = ".".join(map(str, first["loc"]))
+                reason = str(first.get("ctx", {}).get("error", f"{where}: {first['msg']}"))
+                raise PlanError(f"{path}: the wall from {x:g}, {z:g}: {reason}") from None
     for line, keys in sketch.solids:
         corners = [place(point) for point in line]
         height = keys.get("height", plan.height)

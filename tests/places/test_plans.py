@@ -91,7 +91,11 @@ def test_what_is_no_floor_plan_is_refused(tmp_path, content, message):
 
 
 def test_a_door_in_a_file_that_leads_nowhere_is_refused(tmp_path):
-    assert refused(tmp_path, feature("LineString", [[0, 0], [3, 0]], doors=[{"at": 2.9}])) == "?"
+    assert refused(tmp_path, feature("LineString", [[0, 0], [3, 0]], doors=[{"at": 2.9}])) == (
+        "the wall from 0, 0: doors[0].at: is 2.9, so that the door leads nowhere: it reaches from 2.4 to 3.4 m of a "
+        "wall of 3 m, expected 0.5 to 2.5"
+    )
+    assert "thickness" in refused(tmp_path, feature("LineString", [[0, 0], [3, 0]], thickness=-1))
 
 
 def svg(inner, name="plan.svg"):
