@@ -21,7 +21,7 @@ from crowdsim.batch.workers import describe_environment
 from crowdsim.files import entries, make_folder, remove_tree
 from crowdsim.runs.folder import RESOLVED
 from crowdsim.runs.lock import find_owner, hold_folder
-from crowdsim.runs.opening import read_arena
+from crowdsim.runs.opening import read_arena, read_obstacles
 from crowdsim.runs.provenance import document_difference
 from crowdsim.runs.stage import complete_alone, write_pictures
 from crowdsim.scenario.cameras import camera_name
@@ -196,7 +196,8 @@ def _open(job: Job, fps: float) -> TakeSource:
     from crowdsim.render.take_source import TakeSource
 
     take = _take(job)
-    return TakeSource(take, take.policies, fps, threads=1, arena=read_arena(job.folder))
+    arena, obstacles = read_arena(job.folder), read_obstacles(job.folder)
+    return TakeSource(take, take.policies, fps, threads=1, arena=arena, obstacles=obstacles)
 
 
 def _take(job: Job) -> Take:

@@ -93,7 +93,9 @@ def render(
         folder = unpacked.enter_context(opened_run(path))
         run = open_run(folder)
         fps = wanted.fps or run.fps
-        source = TakeSource(run, run.policies, fps, threads=threads, arena=run.arena, cameras=run.cameras)
+        source = TakeSource(
+            run, run.policies, fps, threads=threads, arena=run.arena, cameras=run.cameras, obstacles=run.obstacles
+        )
         return source, run.notes
 
     drawn = {"size": size, "fps": fps, "frames": frames, "camera": camera, **asdict(options.look)}

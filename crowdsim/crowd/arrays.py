@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.places.arrays import Places
 
 
 class Paths(NamedTuple):
@@ -80,6 +81,9 @@ class Model(NamedTuple):
         fall_capsules: The capsules of that body, seen from the fall's last frame; 0 of staggers. (n, K), ``CAPSULE``.
         soles: Heel and ball of the left and of the right sole, in the frame's ground frame [m]. Shape (L, 2, 2, 3), or
             (0, 2, 2, 3) where no policy has falls, float32.
+        outlines: Head, neck, pelvis, heels and balls in the frame's ground frame [m]. Shape (L, 7, 3), or (0, 7, 3)
+            where there are no obstacles, float32.
+        extents: How far from the position these are at most, and the room that they need [m]. Shape (L,), float32.
         rests: Pieces of standing at ease, and parts of walks. Shape (n,), ``REST``.
         walks: The walks. Shape (n,), ``WALK``.
         walk_points: Points of each walk about half a metre apart to its end, seen from where it begins; the last one
@@ -119,6 +123,8 @@ class Model(NamedTuple):
     fall_axes: Array
     fall_capsules: Array
     soles: Array
+    outlines: Array
+    extents: Array
     rests: Array
     walks: Array
     walk_points: Array
@@ -222,6 +228,7 @@ class World(NamedTuple):
         rules: What hurts and tires them. Shape (M,), ``RULE``.
         pauses: Whether a call ends in a frame with strikes, since events wait for them. Shape (1,).
         arena: The arena.
+        places: Obstacles.
         crowding: How avatars keep out of one another.
         targets: Positions of scripted targets, from the frame before the first that is run on [m]. Shape
             (frames, G, 3), float64.
@@ -233,6 +240,7 @@ class World(NamedTuple):
     rules: Array
     pauses: Array
     arena: Arena
+    places: Places
     crowding: CrowdingRules
     targets: Array
     streams: Streams

@@ -18,6 +18,7 @@ from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.records import CONDITION, FIGHT, MOTION, PLAYBACK, RULE, SEEN, SLIDE, empty_records, records
 from crowdsim.crowd.kernels.shown_motion import LATEST, NONE
 from crowdsim.errors import RunError
+from crowdsim.places.kernels.records import PART
 from crowdsim.scenario.parts import MAXIMUM_FRAMES
 
 if TYPE_CHECKING:
@@ -100,6 +101,7 @@ class Crowd:
         defences: Weight of the behaviour ``defend``; 0 for none where it is empty. Shape (M,) or (0,).
         reactions: Time that it takes to see what an opponent has decided [control frames]. Shape (M,) or (0,).
         arena: Kind (0 none, 1 circle, 2 rectangle), centre x and z, half the sizes along x and z [m]. Shape (5,).
+        parts: Parts of obstacles, ``places.arrays.pack_parts``. Shape (n,), ``PART``.
         crowding: How avatars keep out of one another.
         seed: Seed of every draw.
         rules: What hurts and tires avatars, see ``World.rules``; nothing where it is empty. Shape (M, 12) or (0, 12).
@@ -135,6 +137,7 @@ class Crowd:
     defences: Array = field(default_factory=lambda: np.zeros(0))
     reactions: Array = field(default_factory=lambda: np.zeros(0))
     arena: Array = field(default_factory=lambda: np.zeros(5))
+    parts: Array = field(default_factory=lambda: np.zeros(0, PART))
     crowding: Crowding = field(default_factory=Crowding)
     seed: int = 0
     rules: Array = field(default_factory=lambda: np.zeros((0, len(RULE))))

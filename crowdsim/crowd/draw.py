@@ -14,6 +14,7 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.cast import Cast
 from crowdsim.crowd.crowd import Crowd, Crowding
 from crowdsim.crowd.distributions import draw_numbers, draw_types, is_tempered, temperaments_of
+from crowdsim.crowd.obstacles import pack_obstacles
 from crowdsim.crowd.placement import groups_of_avatars, place_groups, teams_of_avatars
 from crowdsim.crowd.plan import (
     attackers_of,
@@ -109,6 +110,7 @@ def draw_crowd(scenario: Scenario, policies: Sequence[Policy], placed: Array | N
         present=np.array([not one.comes_later for one in scenario.groups])[group],
         **_preferences(scenario, policies, cohorts, rate),
         arena=pack_arena(scenario.arena),
+        parts=pack_obstacles(scenario, rate),
         crowding=_crowding(scenario),
         seed=scenario.seed,
         conditioned=is_conditioned(scenario),

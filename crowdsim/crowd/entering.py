@@ -11,6 +11,7 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.kernels import layout
+from crowdsim.places.arrays import are_ways_clear
 
 REACH = 1.0
 """How far from its placement an avatar may enter [m]."""
@@ -76,6 +77,7 @@ def find_entries(crowd: Crowd, avatars: Avatars, present: int, numbers: Array) -
     tried = placed[blocked, None] + around
     free = _are_free(tried.reshape(-1, 2), np.repeat(own[blocked], len(around)), points, others)
     free &= _are_inside(crowd.arena, tried.reshape(-1, 2))
+    free &= are_ways_clear(crowd.parts, np.repeat(placed[blocked], len(around), axis=0), tried.reshape(-1, 2))
     taken: list[int] = []
     for row, avatar in enumerate(blocked):
         choices = tried[row][free.reshape(len(blocked), -1)[row]]

@@ -8,8 +8,7 @@ import numpy as np
 
 from crowdsim.crowd.arrays import Model
 from crowdsim.crowd.crowd import Crowd
-from crowdsim.crowd.model import build_model
-from crowdsim.crowd.simulation import SMALL, Simulation
+from crowdsim.crowd.simulation import SMALL, Simulation, crowd_model
 
 _FEW = 40
 """Avatars that make kernels ready; more than fit into one leaf of a tree."""
@@ -32,7 +31,7 @@ def warm_up(crowd: Crowd, search: str = "auto", profiled: bool = False) -> Model
         # One frame is run stage by stage where some enter later, and all frames where there are many.
         searches = ["kd_tree"] if crowd.count > SMALL else ["auto", "kd_tree"] if crowd.changes else ["auto"]
         searches += ["auto"] if crowd.count > SMALL and int(np.count_nonzero(crowd.present)) <= SMALL else []
-    model = build_model(crowd.policies, bool(crowd.cast.stances.any()))
+    model = crowd_model(crowd)
     for one in searches:
         simulation = Simulation(few, 1, one, profiled=profiled, model=model)
         try:

@@ -26,6 +26,7 @@ from crowdsim.crowd.model_arms import arm_radii, arm_rows, way_rows
 from crowdsim.crowd.model_falls import fall_rows
 from crowdsim.crowd.model_guard import unguarded_rows
 from crowdsim.crowd.model_legs import leg_rows
+from crowdsim.crowd.model_outlines import no_outlines, outline_rows
 from crowdsim.crowd.model_stillness import calm_rows
 from crowdsim.crowd.model_tables import (
     action_rows,
@@ -68,8 +69,10 @@ FULL_REACH = 0.8
 """Distance over the ground of half of the strikes from which on bodies keep the whole gap [m]."""
 
 
-def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model:
+def build_model(policies: Sequence[Policy], with_stances: bool = False, with_outlines: bool = False) -> Model:
     """Return all policies one after another, ``with_stances`` if avatars have them; a single table is not copied.
+
+    With obstacles it needs the outlines of bodies.
 
     Raises:
         RunError: The policies run at different control rates.
@@ -125,6 +128,7 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False) -> Model
         twins=twin_states(policies, starts),
         stances=stance_rows(policies, starts["state"]) if with_stances else np.zeros((0, 2), np.uint8),
         **fall_rows(policies, starts),
+        **(outline_rows(policies) if with_outlines else no_outlines()),
         rests=records(rests, REST),
         walks=records(walks, WALK),
         walk_points=walk_points,

@@ -94,10 +94,10 @@ def _sole_rows(policies: Sequence[Policy]) -> Array:
     """
     if all(policy.falls is None for policy in policies):
         return np.zeros((0, 2, 2, 3), np.float32)
-    return np.concatenate([_soles_of(policy) for policy in policies])
+    return np.concatenate([soles_of(policy) for policy in policies])
 
 
-def _soles_of(policy: Policy) -> Array:
+def soles_of(policy: Policy) -> Array:
     """Return the soles of one policy's frames. Shape (P, 2, 2, 3), float32."""
     database, body = policy.database, policy.database.body
     rows = np.empty((len(database.ground), 2, 2, 3), np.float32)

@@ -6,8 +6,11 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.kernels.placement import Disc, Squares, first_conflict, insert_points, throw_darts
+from crowdsim.crowd.obstacles import obstacle_findings, scenario_shapes
 from crowdsim.crowd.placement_points import read_points
 from crowdsim.crowd.random import Purpose, stream, uniform
+from crowdsim.places.arrays import Places, build_places, pack_parts
+from crowdsim.places.kernels.records import PART
 from crowdsim.scenario.groups import (
     ArmyPlacement,
     DiscPlacement,
@@ -37,13 +40,16 @@ def place_groups(scenario: Scenario) -> Array:
     starts = np.concatenate([[0], np.cumsum([group.count for group in groups])])
     placed = np.empty((3, int(starts[-1])))
     x, z, headings = placed
+    shapes = scenario_shapes(scenario)
+    places = build_places(pack_parts(shapes, 1.0) if shapes else np.zeros(0, PART))
     for i in range(len(groups)):
         start, stop = int(starts[i]), int(starts[i + 1])
-        _place(scenario, i, start, stop, x, z, headings)
+        _place(scenario, i, start, stop, x, z, headings, places)
         _check_distance(scenario, i, start, x[start:stop], z[start:stop])
         if groups[i].placement is not None:
             _check_arena(scenario, i, start, x[start:stop], z[start:stop])
     _check_conflicts(scenario, starts, x, z)
+    scenario.refuse(obstacle_findings(scenario, shapes, x, z))
     team = teams_of_avatars(scenario)
     for i in range(len(groups)):
         _set_headings(scenario, i, slice(int(starts[i]), int(starts[i + 1])), team, x, z, headings)
@@ -68,7 +74,9 @@ def teams_of_avatars(scenario: Scenario) -> Array:
     return teams
 
 
-def _place(scenario: Scenario, index: int, start: int, stop: int, x: Array, z: Array, heading: Array) -> None:
+def _place(
+    scenario: Scenario, index: int, start: int, stop: int, x: Array, z: Array, heading: Array, places: Places
+) -> None:
     """Write positions and the placement's own headings of one group."""
     group = scenario.groups[index]
     placement, count, here = group.placement, group.count, slice(start, stop)
@@ -76,7 +84,7 @@ def _place(scenario: Scenario, index: int, start: int, stop: int, x: Array, z: A
         (x[here], z[here]), there = group.enter.path[0], group.enter.path[1]
         heading[here] = _bearing(there, x[here], z[here])
     elif isinstance(placement, DiscPlacement):
-        _throw(scenario, index, placement, start, stop, x, z)
+        _throw(scenario, index, placement, start, stop, x, z, places)
         heading[here] = _bearing(placement.centre, x[here], z[here])
     elif isinstance(placement, GridPlacement):
         columns = min(placement.columns or int(np.ceil(np.sqrt(count))), count)
@@ -133,7 +141,9 @@ def _place(scenario: Scenario, index: int, start: int, stop: int, x: Array, z: A
         heading[here] = np.where(np.isnan(given), inwards, given)
 
 
-def _throw(scenario: Scenario, index: int, placement: DiscPlacement, start: int, stop: int, x: Array, z: Array) -> None:
+def _throw(
+    scenario: Scenario, index: int, placement: DiscPlacement, start: int, stop: int, x: Array, z: Array, places: Places
+) -> None:
     least, count = placement.distance, stop - start
     squares = _squares(least, stop, x, z)
     first = 0
@@ -144,10 +154,10 @@ def _throw(scenario: Scenario, index: int, placement: DiscPlacement, start: int,
         first += group.count
     seeds = stream(scenario.seed, Purpose.PLACE)
     disc = Disc(float(placement.centre[0]), float(placement.centre[1]), float(placement.radius))
-    reached = throw_darts(seeds, start, stop, disc, _DARTS, squares)
+    reached = throw_darts(seeds, start, stop, disc, _DARTS, squares, places)
     # Random discs cover little more than half of the plane.
     needed = _up(least / 2 * np.sqrt(count / 0.5))
-    where = f"in a disc of radius {placement.radius:g} m"
+    where = f"in a disc of radius {placement.radius:g} m" + (", outside of obstacles," if len(places.parts) else "")
     _check_room(scenario, index, reached - start, where, least, f"a radius of about {needed} m")
 
 

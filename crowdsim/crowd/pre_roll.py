@@ -15,6 +15,7 @@ from crowdsim.crowd.arrays import Avatars
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.random import Purpose, stream
+from crowdsim.places.arrays import as_at_first
 
 
 def on_guard(crowd: Crowd) -> Crowd:
@@ -28,6 +29,7 @@ def on_guard(crowd: Crowd) -> Crowd:
         changes=(),
         until=None,
         frames=crowd.pre_roll,
+        parts=as_at_first(crowd.parts),
     )
 
 

@@ -27,6 +27,7 @@ from crowdsim.crowd.entering import (
     first_in_line,
 )
 from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.confinement import confine_all
 from crowdsim.crowd.kernels.layout import Now
 from crowdsim.crowd.kernels.loop import run_frames
 from crowdsim.crowd.kernels.records import COHORT, RULE, records
@@ -42,10 +43,16 @@ from crowdsim.crowd.state import read_state, write_state
 from crowdsim.crowd.travelling import defend_travellers, halt, headings_of, set_out, travel_on
 from crowdsim.crowd.workers import Workers
 from crowdsim.errors import RunError, nearest
+from crowdsim.places.arrays import build_places
 from crowdsim.scenario.groups import SEARCHES
 
 SMALL = 400
 """Most avatars whose opponents ``auto`` finds by comparing with everyone, many frames in one compiled call."""
+
+
+def crowd_model(crowd: Crowd) -> Model:
+    """Return the policies of a crowd one after another, with what its avatars need of them."""
+    return build_model(crowd.policies, bool(crowd.cast.stances.any()), bool(len(crowd.parts)))
 
 
 class Simulation:
@@ -88,7 +95,7 @@ class Simulation:
                 f"crowd has weights of {crowd.weights.shape[1]} behaviours, expected {most} as policies have"
             )
         self.crowd = crowd
-        self.model = build_model(crowd.policies, bool(crowd.cast.stances.any())) if model is None else model
+        self.model = crowd_model(crowd) if model is None else model
         self.avatars: Avatars = build_avatars(crowd, self.model, order)
         self.present = int(np.count_nonzero(crowd.present))
         self.frame = 0
@@ -111,6 +118,7 @@ class Simulation:
             rules=records(crowd.rules, RULE) if len(crowd.rules) else np.zeros(len(crowd.weights), RULE),
             pauses=np.zeros(1),
             arena=Arena(*map(float, crowd.arena)),
+            places=build_places(crowd.parts),
             crowding=CrowdingRules(*map(float, crowd.crowding.numbers())),
             targets=np.zeros((2, 0, 3)),
             streams=Streams(*(np.uint64(stream(crowd.seed, one)) for one in (Purpose.CHOICE, Purpose.BURST))),
@@ -121,6 +129,8 @@ class Simulation:
                 rolled.avatars.fight["rested"] = np.inf  # strikes cost everyone as much as after a burst
                 rolled.run(crowd.pre_roll)
             self._fresh = take_over(self.avatars, rolled.avatars, self.present)
+        if len(crowd.parts):
+            confine_all(self.model, self.avatars, self._world, 0, self.present)
 
     @property
     def nbytes(self) -> int:

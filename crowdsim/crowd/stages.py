@@ -60,7 +60,7 @@ class Stages:
         """
         avatars, model, workers = self._avatars, self._model, self._workers
         clock = [perf_counter_ns()]
-        due = self._find_due(now, fresh) if moves else fresh
+        due = self._find_due(world, now, fresh) if moves else fresh
         clock.append(perf_counter_ns())
         before = avatars.number[due] if len(due) else due
         self._index.update(avatars, now.present)
@@ -84,11 +84,11 @@ class Stages:
             )  # fmt: skip
         return thrown
 
-    def _find_due(self, now: Now, fresh: Array) -> Array:
+    def _find_due(self, world: World, now: Now, fresh: Array) -> Array:
         """Move everyone but ``fresh`` by one frame; return the slots of avatars that decide."""
         if len(fresh) == now.present:
             return fresh
-        due = self._advance(now)
+        due = self._advance(world, now)
         if len(fresh):
             # They have not moved yet: they are at the end of the action that brings them in.
             motion, playback = self._avatars.motion, self._avatars.playback
@@ -97,12 +97,12 @@ class Stages:
             due = np.union1d(due, fresh).astype(np.int32)
         return due
 
-    def _advance(self, now: Now) -> Array:
+    def _advance(self, world: World, now: Now) -> Array:
         """Move everyone by one frame; return the slots of those whose action has ended."""
         found: dict[int, int] = {}
 
         def move(first: int, last: int) -> None:
-            found[first] = advance(self._model, self._avatars, first, last, self._due, False)
+            found[first] = advance(self._model, self._avatars, world, now.frame, first, last, self._due, False)
 
         self._workers.each(move, now.present)
         for held in found.values():

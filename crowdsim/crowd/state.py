@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.arrays import BY_SLOT, Avatars
+from crowdsim.crowd.arrays import BY_SLOT, Avatars, World
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.entering import Arrival
 from crowdsim.crowd.outcome import Outcome
@@ -53,7 +53,7 @@ def read_state(simulation: Changing) -> dict[str, Array]:
     present[avatars.number[: simulation.present]] = True
     state["present"] = present
     state["fresh"] = np.sort(avatars.number[simulation._fresh])
-    for name, values in simulation._world._asdict().items():
+    for name, values in _shared(simulation._world).items():
         state.update({field: np.array(column) for field, column in _columns(f"world.{name}", values).items()})
     state["agenda.pending"] = np.array(agenda.pending, np.int64)
     state["agenda.waiting"] = np.array(sorted(agenda.waiting.items()), np.int64).reshape(-1, 2)
@@ -95,7 +95,7 @@ def write_state(simulation: Changing, state: Mapping[str, Array]) -> None:
     avatars.slot_of[order] = np.arange(len(order), dtype=np.int32)
     simulation.present = int(np.count_nonzero(state["present"]))
     simulation._fresh = np.sort(avatars.slot_of[state["fresh"]]).astype(np.int32)
-    for name, values in simulation._world._asdict().items():
+    for name, values in _shared(simulation._world).items():
         for field, column in _columns(f"world.{name}", values).items():
             if isinstance(column, np.ndarray):  # all others are constant
                 column[...] = state[field]
@@ -139,6 +139,11 @@ def read_outcome(state: Mapping[str, Array], crowd: Crowd) -> Outcome | None:
 def _arrays(avatars: Avatars) -> dict[str, Array]:
     """Return the arrays of avatars, without the order in which they are stored."""
     return {name: values for name, values in avatars._asdict().items() if name != "slot_of"}
+
+
+def _shared(world: World) -> dict[str, Any]:
+    """Return what avatars share by name, but for obstacles: these follow from the scenario."""
+    return {name: values for name, values in world._asdict().items() if name != "places"}
 
 
 def _columns(name: str, values: Any) -> dict[str, Any]:

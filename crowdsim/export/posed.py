@@ -43,6 +43,7 @@ class FinishedTake:
         progress: Called with stage, done and total.
         arena: The arena of its scenario (``crowd.cast.pack_arena``). Shape (5,).
         timings: What control cost where that was measured. Shape (frames, 6), int64 [ns].
+        obstacles: Parts of its scenario's obstacles, whose doors open by seconds. Shape (n,), ``PART``.
     """
 
     take: Take
@@ -52,6 +53,7 @@ class FinishedTake:
     progress: Progress | None = None
     arena: Array | None = None
     timings: Array | None = None
+    obstacles: Array | None = None
 
     @property
     def extent(self) -> Extent:

@@ -172,7 +172,9 @@ class RenderOutput(Ranged):
         if not all(path.exists() for path in files):
             sheet = 0 if "contact_sheet.png" in there else options.contact_sheet
             options = replace(options, mp4=self.mp4 and "video.mp4" not in there, contact_sheet=sheet)
-            source = TakeSource(done.take, done.policies, self.rate, threads=done.threads, arena=done.arena)
+            source = TakeSource(
+                done.take, done.policies, self.rate, threads=done.threads, arena=done.arena, obstacles=done.obstacles
+            )
             render(source, done.folder, options, done.progress)
         return files
 

@@ -70,6 +70,10 @@ class EditedSource:
         stop = min(int(at) + shown.stop - frame, self.spans[index][1])
         return self.source.poses(int(at), Shown(stop, _Scales(shown.scales, frame - int(at))))
 
+    def seconds(self, frame: int) -> float:
+        """Return the time of a frame in the take [s]."""
+        return float(self.source.seconds(int(self.find(frame)[1])))  # type: ignore[attr-defined]
+
     def recent_strikes(self, frame: int) -> tuple[Array, Array, Array, Array]:
         """Return the strikes just before a frame, see ``PoseSource.recent_strikes``."""
         return self.source.recent_strikes(int(self.find(frame)[1]))

@@ -18,6 +18,7 @@ from crowdsim.render.caption import draw_caption
 from crowdsim.render.crowd_path import watch
 from crowdsim.render.edit import EditedSource
 from crowdsim.render.look import Look
+from crowdsim.render.obstacles import join_capsules, obstacle_capsules
 from crowdsim.render.raycast import Flashes, draw
 from crowdsim.render.scene import Cast, build_cast
 from crowdsim.render.skins import BODY_SCALE, LEAST_SCALE, SkinCast
@@ -104,6 +105,9 @@ class Stage:
             0.55 + 0.45 * np.clip(np.asarray(speeds)[marked] / 9.0, 0.0, 1.0),
             np.asarray(outcomes)[marked],
         )
+        obstacles = getattr(self.source, "obstacles", None)
+        if obstacles is not None and len(obstacles):
+            capsules = join_capsules(capsules, obstacle_capsules(obstacles, self.source.seconds(frame)))  # type: ignore[attr-defined]
         height, edges = self.size[1], self._edges()
         parts = [
             mean_light(
@@ -203,6 +207,9 @@ def build_stage(
     arena = np.asarray(source.arena, float).tolist()
     content = [VERSION, source.fingerprint, source.name, source.fps, source.frame_count, list(size)]
     content += [[one.model_dump(mode="json") for one in sum(cameras, ())], asdict(look), arena]
+    obstacles = getattr(source, "obstacles", None)
+    if obstacles is not None and len(obstacles):
+        content.append(obstacles.tobytes().hex())
     content.append([shot.model_dump(mode="json") for shot in shots])
     cast = build_cast(
         source.figures,

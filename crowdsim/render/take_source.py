@@ -47,6 +47,8 @@ class TakeSource:
         threads: Threads that share the sampling of a block.
         arena: The arena of the scenario, see ``PoseSource.arena``, which takes do not know; open ground by default.
         cameras: Cameras of the scenario by name.
+        obstacles: Parts of the scenario's obstacles, whose doors open by seconds (``places.arrays.pack_parts``); none
+            by default. Shape (n,), ``PART``.
 
     Raises:
         TakeError: The policies are not those that the take was recorded with.
@@ -61,9 +63,11 @@ class TakeSource:
         threads: int = 1,
         arena: Array | None = None,
         cameras: Mapping[str, Camera] | None = None,
+        obstacles: Array | None = None,
     ) -> None:
         self.take, self.fps, self.name = take, float(fps), name or take.scenario
-        self._arguments = (take, tuple(policies), fps, name, threads, arena, cameras)
+        self._arguments = (take, tuple(policies), fps, name, threads, arena, cameras, obstacles)
+        self.obstacles = obstacles
         self.cameras = cameras or {}
         self.arena = np.zeros(5) if arena is None else np.asarray(arena, float)
         self._sampler = PoseSampler(take, policies, threads)
@@ -106,8 +110,12 @@ class TakeSource:
 
     def at_rate(self, fps: float) -> TakeSource:
         """Return the same take at another frame rate."""
-        take, policies, _, name, threads, arena, cameras = self._arguments
-        return TakeSource(take, policies, fps, name, threads, arena, cameras)
+        take, policies, _, *others = self._arguments
+        return TakeSource(take, policies, fps, *others)
+
+    def seconds(self, frame: int) -> float:
+        """Return the time of a frame in the take [s]."""
+        return frame / self.fps
 
     def ground(self, frames: Array) -> Array:
         """Return the ground transforms of all avatars at some frames; NaN while absent. Shape (n, N, 3)."""

@@ -49,6 +49,7 @@ def open_run(folder: FileName) -> RecordedRun:
         folder=folder,
         notes=tuple(notes),
         arena=read_arena(folder),
+        obstacles=read_obstacles(folder),
         fps=_read(folder, "fps", float, FPS),
         cameras=_read(folder, "cameras", Cameras, {}),
     )
@@ -115,6 +116,25 @@ def read_arena(folder: Path) -> Array:
 
     arena: Any = _read(folder, "arena", Arena, None)
     return np.zeros(5) if arena is None else pack_arena(arena)
+
+
+def read_obstacles(folder: Path) -> Array:
+    """Return the obstacles of the scenario that was run in a folder, see ``TakeSource``. Shape (n,), ``PART``.
+
+    There are none where the scenario, or a floor plan, is not there any more or says nothing that can be read.
+    """
+    from crowdsim.crowd.obstacles import obstacle_shapes
+    from crowdsim.places.arrays import pack_parts
+    from crowdsim.places.description import Obstacles
+    from crowdsim.places.sketch import PlanError
+    from crowdsim.scenario.parts import NoArena
+
+    arena: Any = _read(folder, "arena", Arena, NoArena(kind="none"))
+    obstacles: Any = _read(folder, "obstacles", Obstacles, ())
+    try:
+        return pack_parts(obstacle_shapes(obstacles, arena, place_of(folder)), 1.0)
+    except PlanError:
+        return pack_parts((), 1.0)
 
 
 def _read(folder: Path, key: str, kind: Any, otherwise: Any) -> Any:

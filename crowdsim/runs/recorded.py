@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.core.workers import CORES
 from crowdsim.errors import OutputError, TakeError
+from crowdsim.places.kernels.records import PART
 from crowdsim.scenario.camera import Camera
 from crowdsim.scenario.cameras import Chosen, camera_name
 from crowdsim.scenario.frame_ranges import parse_frames
@@ -35,6 +36,7 @@ class RecordedRun(Take):
         folder: The run folder; None of a run in memory.
         notes: What a user should know of it.
         arena: The arena of its scenario, see ``Crowd.arena``, which pictures show. Shape (5,).
+        obstacles: Parts of its scenario's obstacles, whose doors open by seconds. Shape (n,), ``PART``.
         fps: Frames a second of outputs, as its scenario says.
         cameras: Cameras of its scenario by name.
     """
@@ -42,6 +44,7 @@ class RecordedRun(Take):
     folder: Path | None = None
     notes: tuple[str, ...] = ()
     arena: Array = field(default_factory=lambda: np.zeros(5))
+    obstacles: Array = field(default_factory=lambda: np.zeros(0, PART))
     fps: float = FPS
     cameras: Mapping[str, Camera] = field(default_factory=dict)
 
@@ -178,7 +181,9 @@ class RecordedRun(Take):
             with write_pictures(folder, planned, drawn, mark, self.folder, force, threads) as writing:
                 yield Place(writing.folder, writing.done)
 
-        source = TakeSource(self, self.policies, rate, threads=threads, arena=self.arena, cameras=self.cameras)
+        source = TakeSource(
+            self, self.policies, rate, threads=threads, arena=self.arena, cameras=self.cameras, obstacles=self.obstacles
+        )
         return list(render(source, self._place(out), options, progress, record).files)
 
     def _place(self, out: FileName | None) -> Path:

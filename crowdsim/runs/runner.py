@@ -76,6 +76,7 @@ def run(
         RunError: The run failed.
     """
     from crowdsim.crowd.draw import draw_crowd
+    from crowdsim.crowd.obstacles import pack_obstacles
     from crowdsim.runs.recording import record
     from crowdsim.take.memory import TakeCollector
 
@@ -86,7 +87,10 @@ def run(
     crowd = _draw(one) if policies is None else draw_crowd(scenario, policies)
     collector = TakeCollector(take_header(scenario, crowd), crowd.policies)
     record(one, crowd, collector)
-    return RecordedRun.of(collector.take(), arena=crowd.arena, fps=scenario.fps, cameras=scenario.cameras)
+    obstacles = pack_obstacles(scenario, 1.0)
+    return RecordedRun.of(
+        collector.take(), arena=crowd.arena, obstacles=obstacles, fps=scenario.fps, cameras=scenario.cameras
+    )
 
 
 def run_to(
@@ -307,11 +311,13 @@ def _write_outputs(
     ``timings`` is what control cost where that was measured. Shape (frames, 6), int64 [ns].
     """
     from crowdsim.crowd.draw import pack_arena
+    from crowdsim.crowd.obstacles import pack_obstacles
     from crowdsim.export.posed import FinishedTake, PosedOutput, write_posed
     from crowdsim.poses.sampler import PoseSampler
 
     arena = pack_arena(run.scenario.arena)
-    done = FinishedTake(take, policies, run.work, run.threads, run.advance_outputs, arena, timings)
+    obstacles = pack_obstacles(run.scenario, 1.0)
+    done = FinishedTake(take, policies, run.work, run.threads, run.advance_outputs, arena, timings, obstacles)
     found: dict[str, tuple[Path, list[Path]]] = {}
     wanted = run.scenario.outputs.wanted()
     posed = [output for output in wanted if isinstance(output, PosedOutput)]

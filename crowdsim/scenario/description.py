@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr
 
 from crowdsim.config.files import Finding, StrictModel, place
 from crowdsim.errors import ScenarioError
+from crowdsim.places.description import Obstacles, Plan
 from crowdsim.scenario.cameras import Cameras
 from crowdsim.scenario.events import Event
 from crowdsim.scenario.fitness import LINGERS, End
@@ -77,6 +78,10 @@ class Description(StrictModel):
         default=60.0, description="Frames per second of outputs that name no rate of their own, or a fraction."
     )
     arena: Arena = Field(default_factory=lambda: NoArena(kind="none"), description="Where avatars turn back.")
+    obstacles: Obstacles = Field(
+        default=(),
+        description="Walls, boxes, discs and ropes that nobody passes; or a mapping with the `file` of a floor plan.",
+    )
     types: dict[Name, AvatarType] = Field(min_length=1, max_length=_MOST, description="Types of avatars by name.")
     groups: tuple[Group, ...] = Field(
         min_length=1, max_length=_MOST, description="Groups of avatars; avatars are numbered in this order."
@@ -138,6 +143,8 @@ class Description(StrictModel):
     def files(self) -> tuple[str, ...]:
         """Files that the scenario reads, as paths in its folder; a copy of the scenario needs them beside it."""
         named = [getattr(group.placement, "file", None) for group in self.groups]
+        plans = (self.obstacles,) if isinstance(self.obstacles, Plan) else self.obstacles
+        named += [plan.file for plan in plans if isinstance(plan, Plan)]
         return tuple(dict.fromkeys(file for file in named if file is not None))
 
     @property

@@ -8,8 +8,10 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, model_validator
 
 from crowdsim.config.files import Faults, Finding, StrictModel
-from crowdsim.config.schema import Expected, join
+from crowdsim.config.schema import join
 from crowdsim.errors import nearest
+from crowdsim.places.description import FARTHEST as FARTHEST
+from crowdsim.places.description import Point as Point
 from crowdsim.scenario.distributions import Distribution, QuantitySpread, Spread, limits
 from crowdsim.scenario.fitness import Damage, Stamina
 from crowdsim.scenario.names import NAME, NAME_RULE, is_name
@@ -58,13 +60,13 @@ Name = Annotated[str, AfterValidator(_name), WithJsonSchema({"type": "string", "
 PolicyName = Annotated[Name, AfterValidator(_policy)]
 Colour = Annotated[str, AfterValidator(_colour), WithJsonSchema({"type": "string", "pattern": f"^{_COLOUR}$"})]
 Metres = Annotated[float, Field(ge=-100_000, le=100_000)]
-FARTHEST = 4_000
-"""How far from the origin avatars and targets may be along x and z [m]. Takes and exports have single precision, whose
-steps are a quarter of a millimetre there; twice as far away planted feet would be seen to slide."""
-_Coordinate = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]
-Point = Annotated[tuple[_Coordinate, _Coordinate], Expected("a list of two numbers, x and z [m]")]
 Weight = Annotated[float, Field(ge=0, le=1000)]
 Weights = dict[Name, Weight]
+
+
+_SOLID = (
+    "Whether ropes along the border keep everyone inside, like an obstacle of kind `ropes`; else it can be crossed."
+)
 
 
 class NoArena(StrictModel):
@@ -79,6 +81,7 @@ class CircleArena(StrictModel):
     kind: Literal["circle"] = Field(description="A round arena; avatars turn back at its border.")
     radius: float = Field(gt=0, le=100_000, description="Radius [m].")
     centre: Point = Field(default=(0.0, 0.0), description="Centre, x and z [m].")
+    solid: bool = Field(default=False, description=_SOLID)
 
 
 class RectangleArena(StrictModel):
@@ -89,6 +92,7 @@ class RectangleArena(StrictModel):
         description="Width along x and depth along z [m]."
     )
     centre: Point = Field(default=(0.0, 0.0), description="Centre, x and z [m].")
+    solid: bool = Field(default=False, description=_SOLID)
 
 
 Arena = Annotated[NoArena | CircleArena | RectangleArena, Field(discriminator="kind")]

@@ -17,6 +17,8 @@ from crowdsim.config.files import Faults, Finding, dump_yaml, load_data, load_mo
 from crowdsim.config.schema import quoted
 from crowdsim.core.types import FileName
 from crowdsim.errors import ScenarioError, TakeError, nearest
+from crowdsim.places.description import Obstacles, Plan, uneven_findings
+from crowdsim.places.description import checksum as plan_checksum
 from crowdsim.scenario.checks import name_findings, sense_findings
 from crowdsim.scenario.description import MAXIMUM_SEED, Description
 from crowdsim.scenario.fitness import CountEnd
@@ -43,7 +45,7 @@ class Scenario(Description):
     @classmethod
     def findings_in(cls, data: Any) -> list[Finding]:
         """Return names that refer to nothing in the plain data of a scenario, be it valid otherwise or not."""
-        return name_findings(data)
+        return [*name_findings(data), *uneven_findings(data)]
 
 
 @collection_paused()
@@ -211,6 +213,7 @@ def resolve_scenario(scenario: Scenario, folder: FileName = ".") -> Scenario:
             "pre_roll": scenario.pre_roll_seconds,
             "types": _merged_types(scenario),
             "groups": tuple(groups),
+            "obstacles": _with_checksums(scenario.obstacles, folder),
             "outputs": scenario.outputs.resolved(scenario.fps).named(scenario.members, scenario.cameras),
         }
     )
@@ -218,6 +221,20 @@ def resolve_scenario(scenario: Scenario, folder: FileName = ".") -> Scenario:
     resolved._folder = folder
     resolved._written_types = dict(scenario.types)
     return resolved
+
+
+def _with_checksums(obstacles: Obstacles, folder: Path) -> Obstacles:
+    """Return obstacles, floor plans with the checksums of their files."""
+
+    def checked(one: Any) -> Any:
+        if not isinstance(one, Plan):
+            return one
+        try:
+            return one.model_copy(update={"sha256": plan_checksum(folder / one.file)})
+        except OSError as error:
+            raise ScenarioError(f"{folder / one.file}: cannot be read: {error.strerror}") from None
+
+    return checked(obstacles) if isinstance(obstacles, Plan) else tuple(map(checked, obstacles))
 
 
 def with_search(scenario: Scenario, search: str) -> Scenario:

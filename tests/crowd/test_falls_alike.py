@@ -58,7 +58,7 @@ def test_avatars_fall_by_the_fall_that_begins_most_like_what_they_do() -> None:
             aside = np.abs(ground.wrap(turns[rows] - blow))
             rows = rows[aside - aside.min() <= LIKE + 1e-9]
             gaps = [_unlike(one.model, one.avatars, own, row) for row in rows]
-            found = pick_fall(one.model, one.avatars, one._world, own, kind, NO_NEIGHBOURS, 0)
+            found = pick_fall(one.model, one.avatars, one._world, 0, own, kind, NO_NEIGHBOURS, 0)
             assert found == rows[int(np.argmin(gaps))]
             chosen.add(found)
     assert len(chosen) > 6

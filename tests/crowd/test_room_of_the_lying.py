@@ -80,9 +80,9 @@ def test_nobody_staggers_onto_a_body(direction: float) -> None:
     model = falling(model._replace(moves=moves), rows)
     one, own = placed_beside(model, direction)
     row = len(model.falls) - 1
-    unfit = _unfit(model, one.avatars, own, row, 0.0, 0.0, seen(int(one.avatars.slot_of[1])), 0)
+    unfit = _unfit(model, one.avatars, one._world, 0, own, row, 0.0, 0.0, seen(int(one.avatars.slot_of[1])), 0)
     assert np.isinf(unfit) == (direction == 0.0)
-    assert _unfit(model, one.avatars, own, row, 0.0, 0.0, seen(), 0) == 0.0
+    assert _unfit(model, one.avatars, one._world, 0, own, row, 0.0, 0.0, seen(), 0) == 0.0
 
 
 @pytest.mark.parametrize("direction", np.linspace(0.0, 6.0, 7))
@@ -90,13 +90,13 @@ def test_a_body_slides_away_from_one_that_lies_where_it_falls(direction: float) 
     model = with_falls()
     one, own = placed_beside(model, direction)
     other = int(one.avatars.slot_of[1])
-    slide(model, one.avatars, own, 0, seen(), 0)
+    slide(model, one.avatars, one._world, 0, own, 0, seen(), 0)
     assert not fields(one.avatars, "slide_x slide_z", own).any()
     axis = axis_of(model, one.avatars, other)
     away = np.array([one.avatars.x[own] - axis.x, one.avatars.z[own] - axis.z])
     end = fields(one.avatars, "end_x end_z", other)
     set_fields(one.avatars, "end_x end_z", other, end + (1.0 - 0.5 / np.linalg.norm(away)) * away)
-    slide(model, one.avatars, own, 0, seen(other), 0)
+    slide(model, one.avatars, one._world, 0, own, 0, seen(other), 0)
     moved = fields(one.avatars, "slide_x slide_z", own)
     assert np.linalg.norm(moved) == pytest.approx(SLIDES)
     assert moved @ away > 0.9 * SLIDES * np.linalg.norm(away)

@@ -422,8 +422,8 @@ def test_too_many_avatars_files_and_points_are_mistakes():
 def test_names_that_refer_to_nothing_are_found_beside_other_mistakes():
     text = BASE.replace("seed: 1", "sede: 1").replace("team: red, type: boxer", "team: red, type: boxxer")
     assert findings(text) == [
-        "3:1: sede: unknown key, expected version, name, description, seed, duration, pre_roll, fps, arena, types, "
-        "groups, opponents, collision_avoidance, reactions, until, linger, targets, events, cameras or outputs "
+        "3:1: sede: unknown key, expected version, name, description, seed, duration, pre_roll, fps, arena, obstacles, "
+        "types, groups, opponents, collision_avoidance, reactions, until, linger, targets, events, cameras or outputs "
         "(did you mean 'seed'?)",
         "8:34: groups[0].type: is 'boxxer', expected a type: boxer (did you mean 'boxer'?)",
     ]

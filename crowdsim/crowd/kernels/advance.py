@@ -6,6 +6,7 @@ import numpy as np
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.easing import minimum_jerk
+from crowdsim.crowd.kernels.confinement import confine
 from crowdsim.crowd.kernels.forced_actions import note_condition
 from crowdsim.crowd.kernels.interpolation import ground_at
 from crowdsim.crowd.kernels.layout import AHEAD, ENTERED, NO_STRIKE
@@ -25,7 +26,7 @@ def _next_strike(actions, strikes, action, phase):
 
 
 @kernel(inline=True)
-def advance(model, avatars, first, last, due, few):
+def advance(model, avatars, world, frame, first, last, due, few):
     """Move avatars by one frame; list in ``due[first:]`` those whose action has ended.
 
     Where they are ``few``, what the next frame will read is prefetched. Returns how many are listed, or -1 - i
@@ -33,7 +34,7 @@ def advance(model, avatars, first, last, due, few):
     """
     motion, playback = avatars.motion, avatars.playback
     actions, ground, policies = model.actions, model.ground, model.policies
-    held, slides = first, avatars.conditions.shape[0] > 0
+    held, slides, confined = first, avatars.conditions.shape[0] > 0, world.places.parts.shape[0] > 0
     for i in range(first, last):
         action = motion[i].action
         length, before = actions[action].length, motion[i].phase
@@ -61,6 +62,8 @@ def advance(model, avatars, first, last, due, few):
         avatars.x[i], avatars.z[i], avatars.heading[i] = x, z, heading
         if not math.isfinite(x + z + heading):
             return -1 - i
+        if confined:
+            confine(model, avatars, world, frame, i)
         due[held] = i
         held += phase >= length
     return held - first
@@ -86,7 +89,7 @@ def switch(model, avatars, world, frame, due, chosen, first, last):
     """
     motion, playback = avatars.motion, avatars.playback
     actions, ground, starts, policies = model.actions, model.ground, model.starts, model.policies
-    varied = is_varied(world)
+    varied, confined = is_varied(world), world.places.parts.shape[0] > 0
     for q in range(first, last):
         if q + 2 * AHEAD < last:
             prefetch_avatar(avatars, due[q + 2 * AHEAD])
@@ -130,6 +133,8 @@ def switch(model, avatars, world, frame, due, chosen, first, last):
         playback[i].action_before = old
         motion[i].action = new
         motion[i].phase = phase
+        if confined:
+            confine(model, avatars, world, frame, i)
         avatars.fight[i].opponent_before = avatars.opponent[i]
         avatars.opponent[i] = avatars.fight[i].next_opponent
         avatars.fight[i].decisions += 1

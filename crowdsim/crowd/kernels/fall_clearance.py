@@ -17,11 +17,13 @@ from crowdsim.crowd.kernels.lying import (
 )
 from crowdsim.crowd.kernels.sole_contact import sole_gap
 from crowdsim.jit import kernel
+from crowdsim.places.kernels.distance import cell_at, part_gap, stands, way_gap
 
 PARTS = 4096.0  # parts of a square metre
 SIDE_BY_SIDE = 1.0  # how far apart the axes of bodies should be that lie [m]
 STANDS_BY = 0.5  # how far from the axis of a body others should stand [m]
 FREE = 0.05  # how far apart bodies that lie should be at the least, and soles from them [m]
+WALLS = 0.25  # how far from obstacles the axis of a body that lies should end [m]
 FIRMLY = 20.0  # how much the square of what lacks to that counts, beside the square of other room
 SLIDES, WAYS = 0.4, 8  # how far a body slides at the most that falls beside others [m], and in how many directions
 
@@ -122,16 +124,41 @@ def _soles_gap(model, avatars, row, lies, j):
     return lies[3] * min(left, sole_gap(model.soles, capsules, frame, RIGHT, stands, most))
 
 
+@kernel(allocates=False)
+def hemmed_in(model, avatars, world, frame, own, row, dx, dz):
+    """Return how far a body would lie in obstacles after a fall that ends further on by (dx, dz): the square [m2]."""
+    places, size = world.places, avatars.playback[own].scale
+    x, z = avatars.x[own], avatars.z[own]
+    cell = cell_at(places.grid, x, z)
+    if cell < 0:
+        return 0.0
+    cos, sin = cos_sin(avatars.heading[own])
+    axis = axis_after(model, row, FROM_START, x + dx, z + dz, cos * size, sin * size)
+    lacks = 0.0
+    for k in range(places.offsets[cell], places.offsets[cell + 1]):
+        part = places.parts[places.listed[k]]
+        if stands(part, frame):
+            gap, nx, nz = part_gap(part, x, z)
+            for px, pz in ((axis.x, axis.z), (axis.to_x, axis.to_z), (x + dx, z + dz)):
+                depth = WALLS * size - gap - (px - x) * nx - (pz - z) * nz
+                if depth > 0.0 and way_gap(part, x, z, px, pz) < WALLS * size:
+                    lacks += _squared(FIRMLY, depth)
+    return lacks / PARTS
+
+
 @kernel
-def slide(model, avatars, own, row, observed, q):
+def slide(model, avatars, world, frame, own, row, observed, q):
     """Choose how far a body slides while it falls: to the place with the most room, or nowhere if none has more."""
-    _, avatars.slides[own].x, avatars.slides[own].z = roomiest(model, avatars, own, row, observed, q)
+    _, avatars.slides[own].x, avatars.slides[own].z = roomiest(model, avatars, world, frame, own, row, observed, q)
 
 
 @kernel
-def roomiest(model, avatars, own, row, observed, q):
+def roomiest(model, avatars, world, frame, own, row, observed, q):
     """Return how little room there is after a fall where the most is that a body slides to, and how far x, z [m]."""
+    walled = world.places.parts.shape[0] > 0
     least, x, z = crowded(model, avatars, own, row, 0.0, 0.0, observed, q), 0.0, 0.0
+    if walled:
+        least += hemmed_in(model, avatars, world, frame, own, row, 0.0, 0.0)
     if least == 0.0:
         return least, x, z
     for way in range(2 * WAYS):
@@ -139,6 +166,8 @@ def roomiest(model, avatars, own, row, observed, q):
         far = SLIDES if way >= WAYS else 0.5 * SLIDES
         cos, sin = cos_sin(2.0 * math.pi * way / WAYS)
         lacks = crowded(model, avatars, own, row, far * sin, far * cos, observed, q)
+        if walled:
+            lacks += hemmed_in(model, avatars, world, frame, own, row, far * sin, far * cos)
         if lacks < least:
             least, x, z = lacks, far * sin, far * cos
     return least, x, z

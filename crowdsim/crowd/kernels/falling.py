@@ -40,7 +40,7 @@ def next_piece(model, row):
 
 
 @kernel(inline=True)
-def pick_fall(model, avatars, world, own, kind, observed, q):
+def pick_fall(model, avatars, world, frame, own, kind, observed, q):
     """Return a row of ``Model.falls`` that leads where the last blow came to, and begins most alike; -1 for none.
 
     A body falls where most room is, if need be further aside, and staggers nowhere onto others. Of falls alike only
@@ -57,7 +57,7 @@ def pick_fall(model, avatars, world, own, kind, observed, q):
     for row in range(falls.shape[0]):
         if falls[row].policy != policy or falls[row].kind != kind:
             continue
-        unfit = _unfit(model, avatars, own, row, blow, nearest, observed, q)
+        unfit = _unfit(model, avatars, world, frame, own, row, blow, nearest, observed, q)
         if unfit > best or unfit == math.inf:
             continue
         astray, unlike = _astray(model, row, stance), _unlike(model, avatars, own, row)
@@ -98,7 +98,7 @@ def _way(ground, before, after):
 
 
 @kernel
-def _unfit(model, avatars, own, row, blow, nearest, observed, q):
+def _unfit(model, avatars, world, frame, own, row, blow, nearest, observed, q):
     """Return how unfit a fall or stagger is: how far it leads aside from a blow, and how little room there is."""
     aside = _apart(model.falls[row].direction, blow) - nearest
     if aside > FURTHEST_ASIDE:
@@ -106,7 +106,7 @@ def _unfit(model, avatars, own, row, blow, nearest, observed, q):
     unfit = ASIDE * max(aside - LIKE, 0.0)
     if model.falls[row].kind != FALLS:
         return math.inf if aside > LIKE or _ends_on_body(model, avatars, own, row, observed, q) else unfit
-    return unfit + roomiest(model, avatars, own, row, observed, q)[0]
+    return unfit + roomiest(model, avatars, world, frame, own, row, observed, q)[0]
 
 
 @kernel(inline=True)

@@ -36,7 +36,7 @@ def special_action(model, avatars, world, frame, own, observed, q):
     standing = row.standing
     row.standing_next = UP
     if standing <= STAGGERS:
-        found = pick_fall(model, avatars, world, own, STUMBLES, observed, q) if standing == STAGGERS else -1
+        found = pick_fall(model, avatars, world, frame, own, STUMBLES, observed, q) if standing == STAGGERS else -1
         if found < 0:
             found = next_piece(model, np.int64(row.fall))
         if found < 0:
@@ -44,9 +44,9 @@ def special_action(model, avatars, world, frame, own, observed, q):
         row.fall = found
         return model.falls[found].action
     if standing == DROPS:
-        found = pick_fall(model, avatars, world, own, FALLS, observed, q)
+        found = pick_fall(model, avatars, world, frame, own, FALLS, observed, q)
         row.standing_next, row.fall = FALLING, found
-        slide(model, avatars, own, found, observed, q)
+        slide(model, avatars, world, frame, own, found, observed, q)
         return model.falls[found].action
     if FALLING <= standing <= LYING:
         avatars.slides[own].x, avatars.slides[own].z = 0.0, 0.0

@@ -34,7 +34,7 @@ def run_frames(model, avatars, world, now, count, still, fresh, scratch, record,
             return k, held, -1
         then = Now(now.frame + k, now.moment + k, present)
         note_time(timings, clock, 0)
-        dues = _find_due(model, avatars, present, due, still and k == 0, fresh)
+        dues = _find_due(model, avatars, world, then, due, still and k == 0, fresh)
         if dues < 0:
             return k, held, -1 - dues
         note_time(timings, clock, 1)
@@ -59,13 +59,13 @@ def run_frames(model, avatars, world, now, count, still, fresh, scratch, record,
 
 
 @kernel(inline=True)
-def _find_due(model, avatars, present, due, still, fresh):
+def _find_due(model, avatars, world, now, due, still, fresh):
     """Move avatars by one frame and list those whose action has ended; where all stand ``still``, list ``fresh``."""
     if still:
         for i in range(fresh.shape[0]):
             due[i] = fresh[i]
         return fresh.shape[0]
-    return advance(model, avatars, 0, present, due, True)
+    return advance(model, avatars, world, now.frame, 0, now.present, due, True)
 
 
 @kernel(inline=True)

@@ -5,6 +5,7 @@ import math
 from crowdsim.core.angles import cos_sin
 from crowdsim.crowd.kernels.arena import outside
 from crowdsim.crowd.kernels.forced_actions import is_down
+from crowdsim.crowd.kernels.hidden import prefer_seen, way_to
 from crowdsim.crowd.kernels.intents import see_by_intent
 from crowdsim.crowd.kernels.interpolation import between
 from crowdsim.crowd.kernels.layout import AHEAD, FORESEEN, HEAD, Target
@@ -24,11 +25,14 @@ def observe(model, avatars, world, now, due, count, observed, scratch):
     The state is that in which the action ends, or -1 where there is no opponent. Opponents change when the next
     actions start (``advance.switch``), so that all avatars see the opponents that the others had when the frame began.
     """
-    slot_of, arena = avatars.slot_of, world.arena
+    slot_of, arena, walled = avatars.slot_of, world.arena, world.places.parts.shape[0] > 0
     for q in range(count):
         _prefetch_targets(model, avatars, due, count, observed, q)
         own = due[q]
         opponent = change_opponent(avatars, world.cohorts, now, own, observed, q)
+        is_open = True
+        if walled:
+            opponent, is_open = prefer_seen(avatars, world, now, own, opponent, observed, q)
         avatars.fight[own].next_opponent = opponent
         seen = True
         if opponent <= -2:
@@ -37,6 +41,8 @@ def observe(model, avatars, world, now, due, count, observed, scratch):
             target = _head_of(model, avatars, slot_of[opponent])
         else:
             target, seen = Target(0.0, 1.5 * avatars.playback[own].scale, 0.0, 0.0, 0.0, 0.0), False
+        if seen and not is_open:
+            target = way_to(world.places, now.frame, avatars.x[own], avatars.z[own], target)
         down = False
         if avatars.conditions.shape[0] > 0:
             down = is_down(avatars, own)

@@ -7,6 +7,7 @@ import numpy as np
 
 from crowdsim.core.random import mix, uniform
 from crowdsim.jit import kernel
+from crowdsim.places.kernels.distance import CLEAR, gap_at
 
 
 class Squares(NamedTuple):
@@ -89,7 +90,7 @@ def _stride_through(count):
 
 
 @kernel
-def throw_darts(stream, start, stop, disc, tries, squares):
+def throw_darts(stream, start, stop, disc, tries, squares, places):
     """Place avatars ``start`` to ``stop`` at the first of their ``tries`` darts that is free; return where it stops.
 
     Darts of an avatar are hashes of its number and the dart's. Where all miss, a lattice of a quarter of the least
@@ -108,7 +109,7 @@ def throw_darts(stream, start, stop, disc, tries, squares):
             distance = disc.radius * math.sqrt(uniform(stream, i, 2 * dart))
             angle = 2.0 * math.pi * uniform(stream, i, 2 * dart + 1)
             x, z = disc.x + distance * math.sin(angle), disc.z + distance * math.cos(angle)
-            if _is_free(squares, x, z):
+            if gap_at(places, 0, x, z) >= CLEAR and _is_free(squares, x, z):
                 placed = True
                 break
         while not placed and searched < lattice:
@@ -117,7 +118,7 @@ def throw_darts(stream, start, stop, disc, tries, squares):
             position = (position + stride) % lattice
             searched += 1
             inside = dx * dx + dz * dz <= disc.radius * disc.radius
-            placed = inside and _is_free(squares, x, z)
+            placed = inside and gap_at(places, 0, x, z) >= CLEAR and _is_free(squares, x, z)
         if not placed:
             return i
         squares.xs[i], squares.zs[i] = x, z

@@ -6,10 +6,11 @@ import numpy as np
 
 from crowdsim.crowd.kernels.advance import over_ground
 from crowdsim.crowd.kernels.damage import apply_damage
-from crowdsim.crowd.kernels.layout import AHEAD, BLOCKED, LANDED
+from crowdsim.crowd.kernels.layout import AHEAD, BLOCKED, LANDED, MISSED
 from crowdsim.crowd.kernels.outcomes import Strike, judge
 from crowdsim.crowd.kernels.prefetch import prefetch, prefetch_avatar
 from crowdsim.jit import kernel
+from crowdsim.places.kernels.distance import is_way_free
 
 
 class Stretch(NamedTuple):
@@ -48,8 +49,8 @@ def list_strikes(model, avatars, world, now, first, last, who, strikes, held):
         _prefetch_strikes(model, avatars, who, k, listed)
         i = np.int64(who[k])
         if avatars.playback[i].action_before >= 0:
-            held = _list_strikes(model, avatars, world.targets, now, i, True, strikes, held)
-        held = _list_strikes(model, avatars, world.targets, now, i, False, strikes, held)
+            held = _list_strikes(model, avatars, world, now, i, True, strikes, held)
+        held = _list_strikes(model, avatars, world, now, i, False, strikes, held)
     return held
 
 
@@ -113,7 +114,7 @@ def _prefetch_strikes(model, avatars, who, k, listed):
 
 
 @kernel(inline=True)
-def _list_strikes(model, avatars, targets, now, i, old, out, held):
+def _list_strikes(model, avatars, world, now, i, old, out, held):
     """List the strikes of one avatar in its action, or in its ``old`` one; return how many ``held`` and they are."""
     part = _stretch_of(model, avatars, i, old)
     for k in range(model.actions[part.action].strikes, model.actions[part.action + 1].strikes):
@@ -132,7 +133,11 @@ def _list_strikes(model, avatars, targets, now, i, old, out, held):
             strike.speed = reach.speed * avatars.playback[i].scale * avatars.motion[i].speed
             share = strike.frame - (now.frame - 1.0)
             thrown = Strike(k, part.action, part.opponent, (px, py, pz), origin, share, old)
-            strike.outcome, end = judge(model, avatars, targets, now, i, thrown)
+            strike.outcome, end = judge(model, avatars, world.targets, now, i, thrown)
+            if strike.outcome != MISSED and not is_way_free(
+                world.places, now.frame, avatars.x[i], avatars.z[i], px, pz, 0.0, py
+            ):
+                strike.outcome, end = MISSED, thrown.point
             strike.x, strike.y, strike.z = end
         held += 1
     return held

@@ -8,9 +8,11 @@ from crowdsim.crowd.kernels.arena import outside
 from crowdsim.crowd.kernels.layout import RESTS, Axis
 from crowdsim.crowd.kernels.lying import axis_of, from_axis, is_on_floor
 from crowdsim.jit import kernel
+from crowdsim.places.kernels.distance import gap_at
 
 SETS_OFF = 0.2  # share of the pieces at ease behind which an avatar walks off, where it can
 CLEAR, BESIDE = 0.8, 0.5  # how far a walk keeps from other avatars, and from bodies that lie [m]
+WALLS = 0.5  # how far it keeps from obstacles [m]
 NEARER = 0.1  # how much nearer it may come to a body beside which it begins [m]
 
 
@@ -44,7 +46,7 @@ def _drawn(avatars, world, i):
 
 @kernel
 def is_free(model, avatars, world, now, own, walk):
-    """Return whether a walk stays in the arena, and keeps clear of all others: where they are, will be, and halt.
+    """Return whether a walk stays in the arena, before obstacles, and clear of all others wherever these will be.
 
     From a body on the floor that is nearer at the start it only leads away.
     Where an avatar of a lower number that is near may set off in the same frame, no way is free.
@@ -56,7 +58,8 @@ def is_free(model, avatars, world, now, own, walk):
     count = points.shape[0]
     for k in range(count):
         px, pz = points[k, 0], points[k, 1]
-        if outside(world.arena, x + px * cos + pz * sin, z + pz * cos - px * sin) > 0.0:
+        wx, wz = x + px * cos + pz * sin, z + pz * cos - px * sin
+        if outside(world.arena, wx, wz) > 0.0 or gap_at(world.places, now.frame, wx, wz) < WALLS * size:
             return False
     reach = model.walks[walk].reach * size + CLEAR
     for j in range(now.present):

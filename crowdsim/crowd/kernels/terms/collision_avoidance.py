@@ -1,4 +1,4 @@
-"""Collision avoidance: what actions cost that end, or pass, inside a neighbour or outside the arena.
+"""Collision avoidance: what actions cost that end, or pass, inside a neighbour, an obstacle or outside the arena.
 
 And what actions are worth more that step back after a strong hit.
 """
@@ -17,6 +17,7 @@ from crowdsim.crowd.kernels.sole_contact import treads_on
 from crowdsim.crowd.kernels.tables import whole_lanes
 from crowdsim.crowd.kernels.travelling import travels
 from crowdsim.jit import kernel
+from crowdsim.places.kernels.distance import cell_at, is_beyond, may_be_near, part_gap, stands, way_gap
 
 HALTED = 0.75  # where bodies meet while they halt, over where they do at the end of actions
 LYING, PASSING = 0.75, 0.5  # how far from the axis of a body on the floor others should end, and pass it [m]
@@ -27,6 +28,9 @@ TREADS = 0.125  # what it costs to end with a sole at its surface
 FAR = 2.5  # distance of an opponent from which on it is far away [m]
 ON_FLOOR = -1.0  # instead of the frames that are left of an action, of bodies on the floor
 BYSTANDERS = 0.66  # how much of the gap and of the cost counts for those whom an avatar does not fight
+BEFORE = 0.42  # how far from obstacles actions should end, for a scale of 1 [m]
+STRIKES = 1.2  # how far strikes reach at most, for a scale of 1 [m]
+THROUGH, AGAINST = 60.0, 8.0  # what a metre costs that is beyond that, and a strike that ends in an obstacle
 STAGGER, STEP = 8, 0.3  # for how long a strong hit counts [control frames], and how long a step back should be [m]
 
 
@@ -54,7 +58,7 @@ class Ends(NamedTuple):
 
 @kernel(inline=True)
 def avoid_collisions(model, avatars, world, now, own, observed, q, scratch):
-    """Lower the values of actions that end, or pass, inside a neighbour or outside the arena; or do not step back."""
+    """Lower the values of actions that end, or pass, inside others, obstacles or no arena; or do not step back."""
     state = model.actions[avatars.motion[own].action].next
     furthest = model.reaches[state] * avatars.playback[own].scale + 1e-6  # moves are single numbers
     close = 0
@@ -65,7 +69,10 @@ def avoid_collisions(model, avatars, world, now, own, observed, q, scratch):
         now.frame - avatars.fight[own].hit_frame <= STAGGER
         and avatars.fight[own].hit_x ** 2 + avatars.fight[own].hit_z ** 2 >= 1.0
     )
-    if close == 0 and not leaves and not staggers:
+    walled = world.places.parts.shape[0] > 0 and may_be_near(
+        world.places, avatars.x[own], avatars.z[own], furthest + BEFORE * avatars.playback[own].scale
+    )
+    if close == 0 and not leaves and not staggers and not walled:
         return
     ends = _find_ends(model, avatars, own, scratch.work)
     for m in range(np.uint64(close)):
@@ -77,6 +84,8 @@ def avoid_collisions(model, avatars, world, now, own, observed, q, scratch):
         x, z, cost = avatars.x[own], avatars.z[own], world.crowding.outside_cost
         for k in range(ends.lanes):
             ends.cost[k] += cost * outside(world.arena, x + ends.x[k], z + ends.z[k])
+    if walled:
+        _add_obstacles(model, avatars, world.places, now.frame, own, furthest, ends)
     if staggers:
         _step_back(avatars, world.crowding.back, own, ends)
     for k in range(ends.lanes):
@@ -216,6 +225,62 @@ def _add_lying(model, avatars, own, near, m, ends):
         cost = max(max(at_end, on_way), 0.0)
         cost += body.step_cost * treads_on(model, avatars, own, np.uint64(offset) + k, int(body.slot))
         ends.cost[k] = max(ends.cost[k], cost)
+
+
+@kernel(inline=True)
+def _add_obstacles(model, avatars, places, frame, own, furthest, ends):
+    """Raise the cost of actions that end or halt in or close before obstacles, lead through them, or strike them."""
+    x, z, size = avatars.x[own], avatars.z[own], avatars.playback[own].scale
+    state = model.actions[avatars.motion[own].action].next
+    offset = model.offsets[state]
+    before = BEFORE * size
+    far = max(furthest + before, STRIKES * size)
+    cos, sin = cos_sin(avatars.heading[own])
+    cos, sin = cos * size, sin * size
+    cell = cell_at(places.grid, x, z)
+    for m in range(places.offsets[cell], places.offsets[cell + 1]):
+        part = places.parts[places.listed[m]]
+        if is_beyond(part, x, z, far) or not stands(part, frame):
+            continue
+        gap, nx, nz = part_gap(part, x, z)
+        if gap > far:
+            continue
+        spare = gap - min(before, gap)
+        for k in range(np.uint64(model.offsets[state + 1] - offset)):
+            action = np.uint64(offset) + k
+            nearest = min(ends.x[k] * nx + ends.z[k] * nz, ends.halt_x[k] * nx + ends.halt_z[k] * nz)
+            if model.actions[action].strikes < model.actions[action + 1].strikes and gap < STRIKES * size:
+                ends.cost[k] += AGAINST * _strikes_into(model, part, x, z, gap, nx, nz, action, cos, sin, size)
+            if spare + nearest >= 0.0:
+                continue
+            lack = max(0.0, _lack(part, x, z, gap, nx, nz, ends.x[k], ends.z[k], before))
+            lack = max(lack, _lack(part, x, z, gap, nx, nz, 0.5 * ends.x[k], 0.5 * ends.z[k], before))
+            lack = max(lack, _lack(part, x, z, gap, nx, nz, ends.halt_x[k], ends.halt_z[k], HALTED * before))
+            ends.cost[k] += THROUGH * lack
+
+
+@kernel(inline=True)
+def _strikes_into(model, part, x, z, gap, nx, nz, action, cos, sin, size):
+    """Return how many strikes of an action end in a part of an obstacle, or behind it."""
+    found = 0
+    for s in range(model.actions[action].strikes, model.actions[action + 1].strikes):
+        reach = model.strikes[s]
+        dx, dz = reach.x * cos + reach.z * sin, reach.z * cos - reach.x * sin
+        if part.height > reach.y * size and gap + dx * nx + dz * nz < 0.0:
+            found += way_gap(part, x, z, x + dx, z + dz) < 0.0
+    return found
+
+
+@kernel(inline=True)
+def _lack(part, x, z, gap, nx, nz, dx, dz, before):
+    """Return how far a way from (x, z) by (dx, dz) ends beyond where it should before a part [m].
+
+    Where it ends further from the part than it begins, nothing lacks.
+    """
+    lack = min(before, gap) - gap - dx * nx - dz * nz
+    if lack <= 0.0:
+        return 0.0
+    return lack if way_gap(part, x, z, x + dx, z + dz) < before else 0.0
 
 
 @kernel(inline=True)

@@ -4,6 +4,7 @@ import math
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.bodies import lands_on_posed_body
+from crowdsim.crowd.kernels.hidden import is_hidden
 from crowdsim.crowd.kernels.intents import is_resting
 from crowdsim.crowd.kernels.layout import FIGHTS, FLEES, FORESEEN
 from crowdsim.crowd.kernels.outcomes import ball_at
@@ -16,6 +17,7 @@ AIM = 2.0  # what a strike is worth that will land on a scripted target
 AIMED = 4.0  # distance up to which a scripted target is aimed at, as far as two actions and the target lead [m]
 AT_HAND = 1.2  # distance of an opponent beyond which strikes may end short of it [m]
 SHORT = 3.0  # what such a strike costs, as a multiple of ``Crowding.wasted``
+STRUCK_AT = 2.5  # distance up to which an opponent may be struck at through an obstacle [m]
 SET_UP = 0.6  # what an action is worth that such a strike can follow, of that
 AWAY, NEAR = -0.3, 2.0  # where an avatar does not see another: cosine of the bearing; and how near that one is [m]
 
@@ -25,13 +27,14 @@ def weigh_strikes(model, avatars, world, now, own, observed, q, scratch):
     """Add to the values of actions for each of their strikes.
 
     Strikes come in bursts. After a burst an avatar rests until it has recovered, and strikes cost it ``REST``
-    meanwhile, as they do while it watches or flees; and something where its opponent looks away, or is out of their
-    reach. Those at a scripted target are worth more that will land on it.
+    meanwhile, as they do while it watches or flees, or an obstacle hides its opponent; and something where that looks
+    away, or is out of their reach. Those at a scripted target are worth more that will land on it.
     """
     rests, bonus = is_resting(avatars, world, now.frame, own), 0.0
     if avatars.conditions.shape[0] > 0:
         row = avatars.conditions[avatars.number[own]]
         rests, bonus = rests or row.does_next != FIGHTS, BOLDNESS * row.aggression
+    rests = rests or _is_behind_obstacle(avatars, world, now, own)
     if avatars.fight[own].next_opponent <= -2 and world.crowding.at_air > 0.0:
         _aim_at_ball(model, avatars, world, now, own, scratch.values[q])
     elif avatars.fight[own].next_opponent >= 0 and not rests:
@@ -51,6 +54,19 @@ def _reach_opponent(model, avatars, world, now, own, observed, q, scratch):
     for k in range(model.offsets[state + 1] - model.offsets[state]):
         action = model.offsets[state] + k
         scratch.values[q, k] -= SHORT * strikes_air(model, avatars, world, now, own, observed, q, action)
+
+
+@kernel(inline=True)
+def _is_behind_obstacle(avatars, world, now, own):
+    """Return whether an avatar's opponent is hidden from it by an obstacle."""
+    opponent = avatars.fight[own].next_opponent
+    if opponent < 0 or world.places.parts.shape[0] == 0 or avatars.slot_of[opponent] >= now.present:
+        return False
+    j = avatars.slot_of[opponent]
+    dx, dz = avatars.x[j] - avatars.x[own], avatars.z[j] - avatars.z[own]
+    return dx * dx + dz * dz < STRUCK_AT * STRUCK_AT and is_hidden(
+        avatars, world, now.frame, own, avatars.x[j], avatars.z[j]
+    )
 
 
 @kernel(inline=True)

@@ -1,0 +1,242 @@
+"""Obstacles of a scenario, and what is wrong with them: starts inside, doors to nowhere, places without a way out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from crowdsim.config.files import Finding
+from crowdsim.core.types import Array
+from crowdsim.places.arrays import Places, build_places, gaps_of, pack_parts
+from crowdsim.places.description import Obstacles, Plan, Ropes, Shape, Wall
+from crowdsim.places.kernels.distance import CLEAR, part_gap
+from crowdsim.places.kernels.records import DOOR, PART
+from crowdsim.places.plans import read_plan
+from crowdsim.places.sketch import PlanError
+from crowdsim.scenario.groups import FixedOpponents, OtherTeamOpponents, TargetOpponents
+from crowdsim.scenario.parts import Arena, CircleArena, NoArena
+from crowdsim.scenario.scenario import Scenario
+
+BORDER = -1
+"""Number of the ropes along the border of a solid arena, instead of that of an obstacle."""
+_SAGITTA = 0.02
+"""How far ropes along a circle are inside it [m]."""
+_NARROWEST = 0.28
+"""How far from obstacles bodies can pass [m]."""
+_MOST_SQUARES = 4_000_000
+_PROBED = 0.5
+"""How far before and behind a door there must be room [m]."""
+
+
+def scenario_shapes(scenario: Scenario) -> list[tuple[int, Shape]]:
+    """Return the obstacles of a scenario by their numbers, those of files as their shapes.
+
+    Raises:
+        ScenarioError: A floor plan cannot be read.
+    """
+    try:
+        return obstacle_shapes(scenario.obstacles, scenario.arena, scenario.folder)
+    except PlanError as error:
+        raise scenario.error(str(error), *_key(scenario, error.obstacle), "file") from None
+
+
+def obstacle_shapes(obstacles: Obstacles, arena: Arena, folder: Path) -> list[tuple[int, Shape]]:
+    """Return obstacles by their numbers, those of files in a folder as their shapes, and the ropes of a solid arena.
+
+    Raises:
+        PlanError: A floor plan cannot be read.
+    """
+    found: list[tuple[int, Shape]] = []
+    for number, one in enumerate((obstacles,) if isinstance(obstacles, Plan) else obstacles):
+        if isinstance(one, Plan):
+            try:
+                found += [(number, shape) for shape in read_plan(folder / one.file, one)]
+            except PlanError as error:
+                error.obstacle = number
+                raise
+        else:
+            found.append((number, one))
+    if isinstance(arena, NoArena) or not arena.solid:
+        return found
+    x, z = arena.centre
+    if isinstance(arena, CircleArena):
+        sides = max(16, math.ceil(math.pi / math.acos(max(1.0 - _SAGITTA / arena.radius, 0.0))))
+        angles = [2.0 * math.pi * side / sides for side in range(sides)]
+        points = [(x + arena.radius * math.sin(angle), z + arena.radius * math.cos(angle)) for angle in angles]
+    else:
+        wide, deep = arena.size[0] / 2, arena.size[1] / 2
+        points = [(x - wide, z - deep), (x - wide, z + deep), (x + wide, z + deep), (x + wide, z - deep)]
+    return [*found, (BORDER, Ropes.model_construct(kind="ropes", points=tuple(points), height=1.3))]
+
+
+def pack_obstacles(scenario: Scenario, rate: float) -> Array:
+    """Return the parts of a scenario's obstacles, see ``places.arrays.pack_parts``. Shape (n,), ``PART``.
+
+    Args:
+        scenario: The scenario.
+        rate: Control frames a second.
+    """
+    shapes = scenario_shapes(scenario)
+    return pack_parts(shapes, rate) if shapes else np.zeros(0, PART)
+
+
+def obstacle_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]], x: Array, z: Array) -> list[Finding]:
+    """Return what is wrong with obstacles and the positions of avatars at the start (N,)."""
+    if not shapes:
+        return []
+    places = build_places(pack_parts(shapes, 1.0))
+    findings = _start_findings(scenario, shapes, places, x, z)
+    findings += _door_findings(scenario, shapes)
+    return findings or _enclosed_findings(scenario, places, x, z)
+
+
+def _key(scenario: Scenario, number: int) -> tuple[str | int, ...]:
+    """Return where an obstacle is in its scenario."""
+    if number == BORDER:
+        return ("arena", "solid")
+    return ("obstacles",) if isinstance(scenario.obstacles, Plan) else ("obstacles", number)
+
+
+def _words(scenario: Scenario, number: int) -> str:
+    """Return an obstacle in words."""
+    if number == BORDER:
+        return "the arena's ropes"
+    return "the floor plan" if isinstance(scenario.obstacles, Plan) else f"obstacles[{number}]"
+
+
+def _start_findings(
+    scenario: Scenario, shapes: Sequence[tuple[int, Shape]], places: Places, x: Array, z: Array
+) -> list[Finding]:
+    """Return a finding for each group with avatars that start in obstacles, too near to them, or outside of ropes."""
+    points = np.column_stack([x, z])
+    gaps = gaps_of(places, points, 0.0)
+    bad = gaps < CLEAR - 1e-6
+    outside = np.zeros(len(points), bool)
+    for _, shape in shapes:
+        if isinstance(shape, Ropes):
+            outside |= ~_is_inside(shape.points, points)
+    findings, first = [], 0
+    for index, group in enumerate(scenario.groups):
+        here = slice(first, first + group.count)
+        for wrong, how in ((outside[here], "outside of ropes"), (bad[here] & ~outside[here], "")):
+            numbers = first + np.flatnonzero(wrong)
+            if not len(numbers):
+                continue
+            one = int(numbers[0])
+            names = ", ".join(scenario.avatar_name(int(number)) for number in numbers[:3])
+            names += f" and {len(numbers) - 3} more" if len(numbers) > 3 else ""
+            at = f"{scenario.avatar_name(one)} at {x[one]:.2f}, {z[one]:.2f}"
+            if how:
+                what = f"{len(numbers)} of {group.count} avatars start {how}, {names}; {at}, expected all inside"
+            else:
+                number = _nearest_obstacle(places, points[one])
+                how = f"{gaps[one]:.2f} m from" if gaps[one] > 0.0 else "inside"
+                what = f"{len(numbers)} of {group.count} avatars start in or near obstacles, {names}; {at} is {how} "
+                what += f"{_words(scenario, number)}, expected {CLEAR} m or more from all"
+                free = _nearest_free(places, points[one])
+                what += "" if free is None else f", such as {free[0]:.2f}, {free[1]:.2f}"
+            findings.append(Finding(("groups", index, "placement"), what))
+        first += group.count
+    return findings
+
+
+def _nearest_obstacle(places: Places, point: Array) -> int:
+    """Return the number of the obstacle nearest to a point."""
+    gaps = [part_gap(part, float(point[0]), float(point[1]))[0] for part in places.parts]
+    return int(places.parts["obstacle"][int(np.argmin(gaps))])
+
+
+def _nearest_free(places: Places, point: Array) -> Array | None:
+    """Return the nearest point, of a lattice, that is free."""
+    steps = np.arange(-40, 41) * 0.1
+    offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    offsets = offsets[np.argsort(np.hypot(*offsets.T), kind="stable")]
+    free = np.flatnonzero(gaps_of(places, point + offsets, 0.0) >= CLEAR + 0.01)
+    return None if not len(free) else np.asarray(point + offsets[free[0]])
+
+
+def _is_inside(corners: Sequence[tuple[float, float]], points: Array) -> Array:
+    """Return whether points (n, 2) are inside a polygon, by even and odd crossings. Shape (n,), bool."""
+    inside = np.zeros(len(points), bool)
+    for (ax, az), (bx, bz) in zip(corners, [*corners[1:], corners[0]], strict=True):
+        if az != bz:
+            crosses = (az > points[:, 1]) != (bz > points[:, 1])
+            inside ^= crosses & (points[:, 0] < ax + (points[:, 1] - az) / (bz - az) * (bx - ax))
+    return inside
+
+
+def _door_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]]) -> list[Finding]:
+    """Return a finding for each door before or behind which there is no room, since an obstacle is there."""
+    parts = pack_parts(shapes, 1.0)
+    if not (parts["kind"] == DOOR).any():
+        return []
+    places = build_places(parts[parts["kind"] != DOOR])
+    findings, seen = [], 0
+    for number, shape in shapes:
+        if not isinstance(shape, Wall):
+            continue
+        for index, door in sorted(enumerate(shape.doors), key=lambda one: one[1].at):
+            mine = parts[(parts["kind"] == DOOR)][seen]
+            seen += 1
+            ahead = np.array([-mine["uz"], mine["ux"]]) * (shape.thickness / 2 + _PROBED)
+            middle = np.array([mine["x"], mine["z"]])
+            gaps = gaps_of(places, np.stack([middle + ahead, middle - ahead]), 0.0)
+            if (gaps < 0.25).any():
+                x, z = (middle + ahead) if gaps[0] < gaps[1] else (middle - ahead)
+                blocked = _nearest_obstacle(places, np.array([x, z]))
+                what = f"the door {door.at:g} m along leads nowhere: {_words(scenario, blocked)} is behind it at "
+                what += f"{x:.2f}, {z:.2f}, expected {_PROBED} m of room on both sides"
+                key = _key(scenario, number)
+                is_plan = isinstance(scenario.obstacles, Plan) or isinstance(scenario.obstacles[number], Plan)
+                findings.append(Finding(key if is_plan else (*key, "doors", index), what))
+    return findings
+
+
+def _enclosed_findings(scenario: Scenario, places: Places, x: Array, z: Array) -> list[Finding]:
+    """Return a finding for each group that walls close in, apart from all avatars that it could fight.
+
+    Doors that ever open count as open.
+    """
+    from scipy import ndimage
+
+    parts = places.parts.copy()
+    parts["opens"][np.isfinite(parts["opens"])] = -math.inf
+    parts["closes"] = math.inf
+    grid = places.grid
+    wide, deep = grid.columns * grid.size, grid.rows * grid.size
+    size = max(0.1, math.sqrt(wide * deep / _MOST_SQUARES))
+    columns, rows = int(wide / size) + 1, int(deep / size) + 1
+    xs, zs = grid.x + (np.arange(columns) + 0.5) * size, grid.z + (np.arange(rows) + 0.5) * size
+    squares = np.stack(np.meshgrid(xs, zs), axis=-1).reshape(-1, 2)
+    # A gap that bodies fit through is a few squares wide, however these lie.
+    room = _NARROWEST - 0.5 * size
+    free = gaps_of(places._replace(parts=parts), squares, 0.0).reshape(rows, columns) > room
+    labels, _ = ndimage.label(free, np.ones((3, 3), int))
+    column, row = ((x - grid.x) / size).astype(int), ((z - grid.z) / size).astype(int)
+    beyond = (column < 0) | (row < 0) | (column >= columns) | (row >= rows)
+    region = labels[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
+    region[beyond] = labels[0, 0]  # the corners of the grid are open ground
+    starts = np.concatenate([[0], np.cumsum([group.count for group in scenario.groups])])
+    team = np.repeat([scenario.teams.index(group.team) for group in scenario.groups], np.diff(starts))
+    findings = []
+    for index, group in enumerate(scenario.groups):
+        opponents = group.opponents or scenario.opponents
+        if isinstance(opponents, TargetOpponents):
+            continue
+        others = np.ones(len(x), bool)
+        if isinstance(opponents, OtherTeamOpponents):
+            others = team != team[starts[index]]
+        elif isinstance(opponents, FixedOpponents):
+            others = np.repeat([one.name == opponents.group for one in scenario.groups], np.diff(starts))
+        mine = np.arange(starts[index], starts[index + 1])
+        count = np.bincount(region[others], minlength=int(labels.max()) + 1)
+        closed = mine[count[region[mine]] - others[mine] <= 0]
+        if len(closed) and len(closed) == len(mine) and others.sum() > others[mine[0]]:
+            one = int(mine[0])
+            what = f"obstacles close the group in at {x[one]:.2f}, {z[one]:.2f}: no way leads to an opponent of any of "
+            what += f"its avatars, expected a gap or a door of {2 * CLEAR:g} m or more"
+            findings.append(Finding(("groups", index, "placement"), what))
+    return findings

@@ -1,0 +1,1 @@
+"""Places: walls, boxes, discs, ropes and doors; distances from them, free ways, and ways around."""

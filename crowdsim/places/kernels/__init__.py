@@ -1,0 +1,1 @@
+"""Compiled geometry of obstacles: distances, free ways, and the shortest way around."""

@@ -1,0 +1,106 @@
+"""Floor plans from files: what they draw becomes walls, boxes and discs."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from crowdsim.places.description import FARTHEST, Box, Disc, Plan, Shape, Wall
+from crowdsim.places.geojson import read_geojson
+from crowdsim.places.sketch import Line, PlanError, Sketch
+from crowdsim.places.svg import read_svg
+
+MOST_BYTES = 50_000_000
+_MOST_POINTS = 100_000
+_SMALLEST = 0.5
+"""Least extent of a floor plan [m]."""
+_SQUARE = 1e-3
+"""Cosine of an angle up to which it counts as a right one."""
+
+
+def read_plan(path: Path, plan: Plan) -> list[Shape]:
+    """Return the shapes of a floor plan.
+
+    Args:
+        path: The file.
+        plan: How it is laid out.
+
+    Raises:
+        PlanError: It cannot be read, or is no floor plan.
+    """
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise PlanError(f"{path}: has {path.stat().st_size:,} bytes, expected at most {MOST_BYTES:,}")
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise PlanError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise PlanError(f"{path}: is no UTF-8, expected a text file") from None
+    sketch = (read_svg if path.suffix.lower() == ".svg" else read_geojson)(path, text)
+    return _laid_out(path, sketch, plan)
+
+
+def _laid_out(path: Path, sketch: Sketch, plan: Plan) -> list[Shape]:
+    """Return the shapes of a sketch where its plan puts them."""
+    points = sketch.points()
+    if not points:
+        raise PlanError(f"{path}: is no floor plan: it draws nothing, expected lines, outlines or circles")
+    if len(points) > _MOST_POINTS:
+        raise PlanError(f"{path}: has {len(points):,} points, expected at most {_MOST_POINTS:,}")
+    low = [min(point[axis] for point in points) for axis in (0, 1)]
+    high = [max(point[axis] for point in points) for axis in (0, 1)]
+    extent = plan.scale * max(high[0] - low[0], high[1] - low[1], *(2 * radius for _, radius, _ in sketch.discs), 0.0)
+    if extent < _SMALLEST:
+        what = f"{path}: is {extent:.3g} m large, expected {_SMALLEST} m or more; "
+        raise PlanError(what + "'scale' says how many metres a unit of the file is")
+    shift = (0.0, 0.0)
+    if plan.centre is not None:
+        shift = tuple(plan.centre[axis] - plan.scale * (low[axis] + high[axis]) / 2 for axis in (0, 1))  # type: ignore[assignment]
+
+    def place(point: tuple[float, float]) -> tuple[float, float]:
+        x, z = (plan.scale * point[axis] + shift[axis] for axis in (0, 1))
+        if not max(abs(x), abs(z)) <= FARTHEST:
+            what = f"{path}: a point is at {x:.6g}, {z:.6g}, expected x and z up to {FARTHEST} m; "
+            raise PlanError(what + "'centre' moves the plan, 'scale' makes it smaller")
+        return x, z
+
+    found: list[Shape] = []
+    for line, closed, keys in sketch.walls:
+        given = {"thickness": plan.thickness, "height": plan.height, **keys}
+        if len(set(line)) > 1:
+            x, z = place(line[0])
+            try:
+                found.append(Wall(kind="wall", points=tuple(map(place, line)), closed=closed, **given))
+            except ValidationError as error:
+                first = error.errors()[0]
+                where = ".".join(map(str, first["loc"]))
+                reason = str(first.get("ctx", {}).get("error", f"{where}: {first['msg']}"))
+                raise PlanError(f"{path}: the wall from {x:g}, {z:g}: {reason}") from None
+    for line, keys in sketch.solids:
+        corners = [place(point) for point in line]
+        height = keys.get("height", plan.height)
+        box = _as_box(corners, height)
+        thickness = min(plan.thickness, 0.1)
+        found.append(box or Wall(kind="wall", points=tuple(corners), closed=True, thickness=thickness, height=height))
+    for middle, radius, keys in sketch.discs:
+        height = keys.get("height", plan.height)
+        found.append(Disc(kind="disc", centre=place(middle), radius=plan.scale * radius, height=height))
+    return found
+
+
+def _as_box(corners: Line, height: float) -> Box | None:
+    """Return the box that four corners are those of; None where they are those of no rectangle."""
+    if len(corners) != 4:
+        return None
+    sides = [(b[0] - a[0], b[1] - a[1]) for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)]
+    lengths = [math.hypot(*side) for side in sides]
+    if min(lengths) <= 0.0:
+        return None
+    for (ax, az), (bx, bz), a, b in zip(sides, sides[1:], lengths, lengths[1:], strict=False):
+        if abs(ax * bx + az * bz) > _SQUARE * a * b:
+            return None
+    centre = sum(point[0] for point in corners) / 4, sum(point[1] for point in corners) / 4
+    rotation = math.degrees(math.atan2(-sides[0][1], sides[0][0]))
+    return Box(kind="box", centre=centre, size=(lengths[0], lengths[1]), rotation=rotation, height=height)

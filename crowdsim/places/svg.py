@@ -1,0 +1,196 @@
+"""Floor plans from SVG files."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from xml.etree import ElementTree
+
+from crowdsim.places.sketch import Line, PlanError, Sketch
+
+Matrix = tuple[float, float, float, float, float, float]
+"""x' = a x + c y + e, y' = b x + d y + f."""
+
+_UNIT: Matrix = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_TOKEN = re.compile(r"[A-Za-z]|[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_TRANSFORM = re.compile(r"(\w+)\s*\(([^)]*)\)")
+_ARGUMENTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
+_STEPS = 12
+"""Straight pieces of a curve."""
+_UNSEEN = {"defs", "symbol", "clipPath", "mask", "pattern", "marker", "metadata", "style", "title", "desc"}
+_MOST_DEPTH = 100
+
+
+def read_svg(path: Path, text: str) -> Sketch:
+    """Return what an SVG file draws: lines and outlines are walls, filled rectangles solid, circles discs.
+
+    Raises:
+        PlanError: It is no SVG, or draws nothing that could be a wall.
+    """
+    if "<!ENTITY" in text:
+        raise PlanError(f"{path}: defines entities, expected a plain SVG file")
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise PlanError(f"{path}: line {error.position[0]}: is no XML, expected an SVG file") from None
+    if _tag(root) != "svg":
+        raise PlanError(f"{path}: is <{_tag(root)}>, expected an SVG file")
+    sketch = Sketch()
+    _draw(path, root, _UNIT, sketch, 0)
+    if not sketch.points():
+        tags = sorted({_tag(one) for one in root.iter()} - {"svg", "g"})
+        what = f"{path}: is no floor plan: it holds {', '.join(tags[:8]) or 'nothing'}, "
+        raise PlanError(what + "expected line, polyline, polygon, rect, circle or path")
+    return sketch
+
+
+def _tag(element: ElementTree.Element) -> str:
+    return str(element.tag).rpartition("}")[2]
+
+
+def _draw(path: Path, element: ElementTree.Element, above: Matrix, sketch: Sketch, depth: int) -> None:
+    """Add an element and those in it to a sketch."""
+    if depth > _MOST_DEPTH:
+        raise PlanError(f"{path}: elements are more than {_MOST_DEPTH} deep, expected fewer")
+    tag = _tag(element)
+    if tag in _UNSEEN or _style(element, "display") == "none":
+        return
+    matrix = _times(above, _transform(path, element.get("transform", "")))
+
+    def number(name: str) -> float:
+        found = _NUMBER.match(element.get(name, "0").strip())
+        if found is None:
+            raise PlanError(f"{path}: {name} of a {tag} is {element.get(name)!r}, expected a number")
+        return float(found[0])
+
+    def placed(points: Line) -> Line:
+        a, b, c, d, e, f = matrix
+        return [(a * x + c * y + e, b * x + d * y + f) for x, y in points]
+
+    if tag == "line":
+        sketch.walls.append((placed([(number("x1"), number("y1")), (number("x2"), number("y2"))]), False, {}))
+    elif tag in ("polyline", "polygon"):
+        values = [float(one) for one in _NUMBER.findall(element.get("points", ""))]
+        points = list(zip(values[::2], values[1::2], strict=False))
+        if len(points) > 1:
+            sketch.walls.append((placed(points), tag == "polygon" and len(points) > 2, {}))
+    elif tag == "rect":
+        x, y, wide, high = (number(name) for name in ("x", "y", "width", "height"))
+        corners = placed([(x, y), (x + wide, y), (x + wide, y + high), (x, y + high)])
+        if wide > 0.0 and high > 0.0:
+            if _style(element, "fill") == "none":
+                sketch.walls.append((corners, True, {}))
+            else:
+                sketch.solids.append((corners, {}))
+    elif tag in ("circle", "ellipse"):
+        wide, high = (number("r"), number("r")) if tag == "circle" else (number("rx"), number("ry"))
+        ((x, y),) = placed([(number("cx"), number("cy"))])
+        radius = math.sqrt(abs(wide * high * (matrix[0] * matrix[3] - matrix[1] * matrix[2])))
+        if radius > 0.0:
+            sketch.discs.append(((x, y), radius, {}))
+    elif tag == "path":
+        for points, closed in _lines_of(path, element.get("d", "")):
+            if len(points) > 1:
+                sketch.walls.append((placed(points), closed and len(points) > 2, {}))
+    for child in element:
+        _draw(path, child, matrix, sketch, depth + 1)
+
+
+def _style(element: ElementTree.Element, name: str) -> str | None:
+    """Return a property of an element, be it an attribute or in its style."""
+    found = re.search(rf"(?:^|;)\s*{name}\s*:\s*([^;]+)", element.get("style", ""))
+    return found[1].strip() if found else element.get(name)
+
+
+def _times(one: Matrix, other: Matrix) -> Matrix:
+    a, b, c, d, e, f = one
+    p, q, r, s, t, u = other
+    return (
+        a * p + c * q, b * p + d * q, a * r + c * s, b * r + d * s, a * t + c * u + e, b * t + d * u + f,
+    )  # fmt: skip
+
+
+def _transform(path: Path, text: str) -> Matrix:
+    found = _UNIT
+    for name, given in _TRANSFORM.findall(text):
+        values = [float(one) for one in _NUMBER.findall(given)]
+        if name == "matrix" and len(values) == 6:
+            step: Matrix = tuple(values)  # type: ignore[assignment]
+        elif name == "translate" and len(values) in (1, 2):
+            step = (1.0, 0.0, 0.0, 1.0, values[0], values[1] if len(values) == 2 else 0.0)
+        elif name == "scale" and len(values) in (1, 2):
+            step = (values[0], 0.0, 0.0, values[-1], 0.0, 0.0)
+        elif name == "rotate" and len(values) in (1, 3):
+            cos, sin = math.cos(math.radians(values[0])), math.sin(math.radians(values[0]))
+            x, y = values[1:] if len(values) == 3 else (0.0, 0.0)
+            step = (cos, sin, -sin, cos, x - cos * x + sin * y, y - sin * x - cos * y)
+        elif name in ("skewX", "skewY") and len(values) == 1:
+            skew = math.tan(math.radians(values[0]))
+            step = (1.0, 0.0, skew, 1.0, 0.0, 0.0) if name == "skewX" else (1.0, skew, 0.0, 1.0, 0.0, 0.0)
+        else:
+            raise PlanError(f"{path}: transform {name}({given}), expected one of SVG's")
+        found = _times(found, step)
+    return found
+
+
+def _lines_of(path: Path, text: str) -> Iterator[tuple[Line, bool]]:
+    """Yield the lines of a path's data, curves in straight pieces, and whether each is closed."""
+    tokens = _TOKEN.findall(text)
+    at, command, here, begun = 0, "", (0.0, 0.0), (0.0, 0.0)
+    points: Line = []
+    handle: tuple[float, float] | None = None
+    while at < len(tokens):
+        if tokens[at].isalpha():
+            command, at = tokens[at], at + 1
+            if command.upper() not in _ARGUMENTS:
+                raise PlanError(f"{path}: a path has the command {command!r}, expected one of {', '.join(_ARGUMENTS)}")
+        elif not command or command in "zZ":
+            raise PlanError(f"{path}: a path has a number without a command, expected a letter before it")
+        kind, count = command.upper(), _ARGUMENTS[command.upper()]
+        given = tokens[at : at + count]
+        if len(given) < count or any(one.isalpha() for one in given):
+            raise PlanError(f"{path}: a path's command {command!r} has too few numbers, expected {count}")
+        values, at = [float(one) for one in given], at + count
+        x, y = here if command.islower() else (0.0, 0.0)
+        if kind == "Z":
+            yield points, True
+            points, here, handle = [], begun, None
+            continue
+        if kind == "M":
+            if points:
+                yield points, False
+            here = begun = (x + values[0], y + values[1])
+            points, handle = [here], None
+            # What follows without a command of its own are lines.
+            command = "l" if command == "m" else "L"
+            continue
+        points = points or [here]
+        if kind in "HV":
+            here = (x + values[0], here[1]) if kind == "H" else (here[0], y + values[0])
+            handle = None
+            points.append(here)
+            continue
+        pairs = [(x + values[k], y + values[k + 1]) for k in range(0, count - (kind == "A"), 2)]
+        if kind in "CSQT":
+            mirrored = here if handle is None else (2 * here[0] - handle[0], 2 * here[1] - handle[1])
+            controls = [here, *([mirrored] if kind in "ST" else []), *pairs]
+            points += [_on_curve(controls, step / _STEPS) for step in range(1, _STEPS + 1)]
+            handle, here = controls[-2], controls[-1]
+        else:
+            # Arcs are taken for their chords: walls are long, their fillets short.
+            here = (x + values[-2], y + values[-1])
+            points.append(here)
+            handle = None
+    if points:
+        yield points, False
+
+
+def _on_curve(controls: Line, share: float) -> tuple[float, float]:
+    """Return a point of a Bezier curve (de Casteljau)."""
+    while len(controls) > 1:
+        controls = [(a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])) for a, b in pairwise(controls)]
+    return controls[0]

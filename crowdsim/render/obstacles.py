@@ -1,0 +1,112 @@
+"""Obstacles in pictures: walls and boxes of capsules side by side, so close that their surfaces look flat."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from crowdsim.core.types import Array
+from crowdsim.places.kernels.records import BOX, DISC, DOOR, PART, ROPES, WALL
+from crowdsim.render.raycast import Capsules
+
+_PAINTS = {
+    WALL: (0.36, 0.33, 0.30, 0.05),
+    BOX: (0.25, 0.17, 0.10, 0.10),
+    DISC: (0.30, 0.31, 0.33, 0.15),
+    DOOR: (0.12, 0.09, 0.07, 0.25),
+}
+_ROPE_PAINT, _POST_PAINT = (0.55, 0.03, 0.03, 0.3), (0.06, 0.06, 0.07, 0.3)
+_ROPES, _POST = 3, 0.05
+"""Ropes above one another, and the radius of the posts between them [m]."""
+_GROOVE = 0.13
+"""How far apart capsules are beside one another, over their diameter."""
+_MOST_RADIUS, _FACE = 0.25, 0.06
+"""Radius of capsules of walls at most, and of those in the faces of boxes [m]."""
+
+
+def obstacle_capsules(parts: Array, seconds: float) -> Capsules:
+    """Return the capsules that show obstacles at a time; each part is a figure of its own.
+
+    Args:
+        parts: Parts of obstacles, whose doors open by seconds (``places.arrays.pack_parts``). Shape (n,), ``PART``.
+        seconds: The time.
+    """
+    stands = ~((parts["opens"] <= seconds) & (seconds < parts["closes"]))
+    return _capsules_of(parts[stands].tobytes())
+
+
+@lru_cache(maxsize=8)
+def _capsules_of(packed: bytes) -> Capsules:
+    """Return the capsules of parts that stand, given as bytes: most pictures of a video show the same ones."""
+    shapes, paints, owners = [np.empty((0, 8))], [np.empty((0, 4))], [np.empty(0)]
+    for number, part in enumerate(np.frombuffer(packed, PART)):
+        lines, paint = _lines_of(part)
+        shapes.append(lines)
+        paints.append(np.broadcast_to(paint, (len(lines), 4)))
+        owners.append(np.full(len(lines), -2 - number))
+    return Capsules(
+        np.concatenate(shapes).astype(np.float32),
+        np.concatenate(paints).astype(np.float32),
+        np.concatenate(owners).astype(np.int32),
+    )
+
+
+def join_capsules(one: Capsules, other: Capsules) -> Capsules:
+    """Return the capsules of both."""
+    return Capsules(
+        np.concatenate([one.shapes, other.shapes]),
+        np.concatenate([one.paints, other.paints]),
+        np.concatenate([one.owners, other.owners]),
+    )
+
+
+def _lines_of(part: Array) -> tuple[Array, Array]:
+    """Return the capsules of a part, both ends and both radii (m, 8), and their paints (m, 4) or (4,)."""
+    kind, height, radius = int(part["kind"]), float(part["height"]), float(part["radius"])
+    along = np.array([part["ux"], part["uz"]])
+    across = np.array([-part["uz"], part["ux"]])
+    middle = np.array([part["x"], part["z"]])
+    reach, aside = float(part["half_along"]) * along, float(part["half_across"]) * across
+    if kind == ROPES:
+        levels = height * (1.0 + np.arange(_ROPES)) / _ROPES - radius
+        lines = [_line(middle - reach, middle + reach, level, level, radius) for level in levels]
+        post = _line(middle - reach, middle - reach, 0.0, height, _POST)
+        return np.array([*lines, post]), np.array([*([_ROPE_PAINT] * _ROPES), _POST_PAINT])
+    paint = np.array(_PAINTS[kind])
+    if kind == DISC:
+        top = max(height - radius, 0.0)
+        return np.array([_line(middle, middle, 0.0, top, radius)]), paint
+    if kind == BOX:
+        faces = []
+        inner = _FACE / np.array([max(np.linalg.norm(reach), _FACE), max(np.linalg.norm(aside), _FACE)])
+        reach, aside = reach * (1.0 - inner[0]), aside * (1.0 - inner[1])
+        for level in _levels(height, _FACE):
+            corners = [middle + s * reach + t * aside for s, t in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
+            faces += [_line(a, b, level, level, _FACE) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+        count = math.ceil(2.0 * float(np.linalg.norm(aside)) / (_GROOVE * 2 * _FACE)) + 1
+        shares = np.linspace(-1.0, 1.0, count)
+        top = height - _FACE
+        faces += [_line(middle - reach + t * aside, middle + reach + t * aside, top, top, _FACE) for t in shares]
+        return np.array(faces), paint
+    thick = min(radius, _MOST_RADIUS)
+    lines = []
+    for share in np.linspace(-1.0, 1.0, 1 if radius == thick else math.ceil((radius - thick) / thick) + 1):
+        offset = share * (radius - thick) * across
+        lines += [
+            _line(middle - reach + offset, middle + reach + offset, level, level, thick)
+            for level in _levels(height, thick)
+        ]
+    return np.array(lines), paint
+
+
+def _levels(height: float, radius: float) -> Array:
+    """Return the heights of capsules of a radius one above another, from the floor to a height [m]."""
+    top = max(height - radius, 0.0)
+    return np.linspace(0.0, top, math.ceil(top / (2.0 * _GROOVE * radius)) + 1)
+
+
+def _line(start: Array, end: Array, low: float, high: float, radius: float) -> Array:
+    """Return a capsule over the ground from a point and height to others. Shape (8,)."""
+    return np.array([start[0], low, start[1], end[0], high, end[1], radius, radius])

@@ -1,0 +1,196 @@
+"""Nobody passes obstacles, strikes through them do not land, and scenarios in which they make no sense are refused."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from naive_places import gap_to, stands
+from synthetic_policy import policy
+from test_simulation import bytes_of, crowd
+
+from crowdsim.crowd.kernels.confinement import CLEARANCE
+from crowdsim.crowd.kernels.layout import LANDED, PELVIS
+from crowdsim.crowd.placement import place_groups
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.errors import ScenarioError
+from crowdsim.places.arrays import pack_parts
+from crowdsim.places.description import Box, Disc, Door, Ropes, Wall
+from crowdsim.scenario.scenario import load_scenario
+
+POLICIES = [policy(0, "v", name="one"), policy(1, "q", frames=50, stride=2, name="two")]
+ROOM = (
+    Ropes(kind="ropes", points=((-1.2, -1.2), (-1.2, 4.2), (4.2, 4.2), (4.2, -1.2))),
+    Wall(kind="wall", points=((-1.0, 1.45), (4.0, 1.45)), doors=(Door(at=2.5, width=1.2, opens=2.0),)),
+    Disc(kind="disc", centre=(0.5, 2.4), radius=0.15),
+    Box(kind="box", centre=(2.6, -0.65), size=(0.6, 0.4), rotation=20.0),
+)
+PARTS = pack_parts(list(enumerate(ROOM)), 15.0)
+
+
+def walled(**fields):
+    return replace(crowd(**fields), policies=POLICIES, parts=PARTS)
+
+
+def pelvises(one, frame_of):
+    """Positions of pelvises, of the avatars in the order of their numbers."""
+    avatars, model = one.avatars, one.model
+    found = []
+    for slot in avatars.slot_of[: one.crowd.count]:
+        action = avatars.motion["action"][slot]
+        done = min(avatars.motion["phase"][slot], model.actions["length"][action])
+        stride = model.policies["stride"][avatars.policy[slot]]
+        body = (
+            model.bodies[int(model.actions["origin"][action] + done * stride), PELVIS] * avatars.playback["scale"][slot]
+        )
+        cos, sin = np.cos(avatars.heading[slot]), np.sin(avatars.heading[slot])
+        found.append((avatars.x[slot] + body[0] * cos + body[2] * sin, avatars.z[slot] - body[0] * sin + body[2] * cos))
+    return found
+
+
+def test_bodies_stay_out_of_obstacles_and_on_their_side_of_closed_doors():
+    one = Simulation(walled(interval=15.0))
+    for frame in range(150):
+        chunk = one.run(1)
+        scales = one.crowd.cast.scales
+        for number, pelvis in enumerate(pelvises(one, frame)):
+            for part in PARTS:
+                if stands(part, frame):
+                    assert gap_to(part, chunk.x[0, number], chunk.z[0, number]) > CLEARANCE * scales[number] - 1e-4
+                    assert gap_to(part, *pelvis) > 0.0
+        if frame < 30:
+            assert ((chunk.z[0] < 1.45) == (one.crowd.z < 1.45)).all()
+
+
+def test_without_obstacles_some_of_these_bodies_would_be_in_them():
+    chunk = Simulation(replace(walled(interval=15.0), parts=PARTS[:0])).run(150)
+    inside = [gap_to(part, x, z) < 0.0 for part in PARTS for x, z in zip(chunk.x.flat, chunk.z.flat, strict=True)]
+    assert any(inside)
+
+
+@pytest.mark.parametrize(("search", "threads"), [("kd_tree", 1), ("kd_tree", 2), ("scipy", 2)])
+def test_takes_with_obstacles_are_the_same_for_any_search_and_threads(search, threads):
+    expected = bytes_of([Simulation(walled()).run(90)])
+    assert bytes_of([Simulation(walled(), threads, search).run(90)]) == expected
+    backwards = Simulation(walled(), order=np.arange(12)[::-1])
+    assert bytes_of([backwards.run(90)]) == expected
+
+
+def test_a_simulation_with_obstacles_goes_on_from_a_state():
+    whole, first, second = (Simulation(walled()) for _ in range(3))
+    expected = [whole.run(40), whole.run(50)]
+    first.run(40)
+    state = first.state()
+    assert not any(name.startswith("world.places") for name in state)
+    second.restore(state)
+    assert bytes_of([second.run(50)]) == bytes_of(expected[1:])
+
+
+def test_no_strike_lands_through_a_wall():
+    wall = pack_parts([(0, Wall(kind="wall", points=((-9.0, 0.0), (9.0, 0.0)), thickness=0.02))], 15.0)
+    x, z = np.tile(np.arange(6) * 0.6, 2), np.repeat([-0.33, 0.33], 6)
+    base = replace(crowd(interval=0.0, arena=np.zeros(5), scale=1.0), x=x, z=z, policies=POLICIES)
+    heading = np.where(z < 0.0, 0.0, math.pi)
+    both = {}
+    for name, parts in (("open", wall[:0]), ("walled", wall)):
+        one = Simulation(replace(base, heading=heading, parts=parts))
+        both[name] = one.run(120)
+    for name, chunk in both.items():
+        events = chunk.events
+        landed = (events.outcome == LANDED) & (events.victim >= 0)
+        through = (z[events.attacker] < 0.0) != (z[np.maximum(events.victim, 0)] < 0.0)
+        assert (landed & through).any() == (name == "open")
+    assert ((both["walled"].z < 0.0) == (z < 0.0)).all()
+
+
+def scenario(tmp_path, obstacles, groups=None, **keys):
+    groups = groups or [
+        {"name": "red", "team": "red", "type": "a", "count": 2,
+         "placement": {"kind": "points", "points": [[0, 0], [1, 0]]}},
+        {"name": "blue", "team": "blue", "type": "a", "count": 1, "placement": {"kind": "points", "points": [[0, 5]]}},
+    ]  # fmt: skip
+    data = {"name": "t", "duration": 15, "types": {"a": {}}, "opponents": {"kind": "other_team"}, **keys}
+    return load_scenario({**data, "groups": groups, "obstacles": obstacles}, policies=["boxer"])
+
+
+def refusal(*arguments, **keys):
+    with pytest.raises(ScenarioError) as failure:
+        place_groups(scenario(*arguments, **keys))
+    return str(failure.value)
+
+
+def test_starts_in_walls_are_refused_with_a_place_that_is_free(tmp_path):
+    wall = {"kind": "wall", "points": [[-3, 0.1], [0.5, 0.1]]}
+    assert refusal(tmp_path, [wall]) == (
+        "t: groups[0].placement: 1 of 2 avatars start in or near obstacles, red_0; red_0 at 0.00, 0.00 is inside "
+        "obstacles[0], expected 0.3 m or more from all, such as 0.00, -0.40"
+    )
+
+
+def test_starts_outside_of_ropes_are_refused_and_a_solid_arena_is_of_ropes(tmp_path):
+    ropes = {"kind": "ropes", "points": [[-2, -2], [-2, 4], [2, 4], [2, -2]]}
+    message = "t: groups[1].placement: 1 of 1 avatars start outside of ropes, blue_0; blue_0 at 0.00, 5.00, expected "
+    assert refusal(tmp_path, [ropes]) == message + "all inside"
+    arena = {"kind": "rectangle", "size": [4, 12], "solid": True}
+    place_groups(scenario(tmp_path, [], arena=arena))
+    narrow = {**arena, "size": [2.2, 12]}
+    assert "red_1 at 1.00, 0.00 is 0.07 m from the arena's ropes" in refusal(tmp_path, [], arena=narrow)
+
+
+def test_a_door_before_an_obstacle_leads_nowhere(tmp_path):
+    wall = {"kind": "wall", "points": [[-3, 2], [3, 2]], "doors": [{"at": 3}]}
+    box = {"kind": "box", "centre": [0, 3], "size": [3, 1.5]}
+    assert refusal(tmp_path, [wall, box]) == (
+        "t: obstacles[0].doors[0]: the door 3 m along leads nowhere: obstacles[1] is behind it at 0.00, 2.60, "
+        "expected 0.5 m of room on both sides"
+    )
+
+
+def test_walls_that_close_a_group_in_are_refused_unless_a_door_opens(tmp_path):
+    room = {"kind": "wall", "points": [[-2, -2], [3, -2], [3, 2], [-2, 2]], "closed": True}
+    message = refusal(tmp_path, [room])
+    assert message.startswith("t: groups[0].placement: obstacles close the group in at 0.00, 0.00: no way leads to ")
+    assert "groups[1].placement" in message
+    place_groups(scenario(tmp_path, [{**room, "doors": [{"at": 3, "opens": 1}]}]))
+    assert refusal(tmp_path, [{**room, "doors": [{"at": 3, "opens": None}]}])
+
+
+def test_discs_of_avatars_leave_obstacles_out(tmp_path):
+    groups = [{"name": "all", "type": "a", "count": 40, "placement": {"kind": "disc", "radius": 4, "distance": 0.6}}]
+    obstacles = [{"kind": "box", "centre": [1, 0], "size": [3, 3]}, {"kind": "disc", "centre": [-3, 0], "radius": 1}]
+    one = scenario(tmp_path, obstacles, groups, opponents={"kind": "anyone"})
+    x, z, _ = place_groups(one)
+    parts = pack_parts(list(enumerate(one.obstacles)), 1.0)
+    assert min(gap_to(part, *point) for part in parts for point in zip(x, z, strict=True)) >= 0.3
+
+
+def test_uneven_ground_is_refused_by_its_name(tmp_path):
+    with pytest.raises(ScenarioError, match=r"obstacles\[0\].kind: uneven ground is not supported"):
+        scenario(tmp_path, [{"kind": "ramp", "points": [[0, 0], [1, 1]]}])
+    with pytest.raises(ScenarioError, match="terrain: uneven ground is not supported"):
+        scenario(tmp_path, [], terrain="hills.png")
+
+
+def test_a_plan_is_named_with_its_file_and_kept_with_its_checksum(tmp_path):
+    (tmp_path / "s.yaml").write_text(
+        "version: 1\nname: s\nduration: 15\ntypes: {a: {}}\nobstacles: {file: plan.geojson}\n"
+        "groups:\n  - {type: a, count: 2, placement: {kind: grid}}\n"
+    )
+    (tmp_path / "plan.geojson").write_text('{"type": "LineString", "coordinates": [[-3, 3], [3, 3]]}')
+    one = load_scenario(tmp_path / "s.yaml", policies=["boxer"])
+    assert one.files == ("plan.geojson",)
+    assert one.obstacles.sha256
+    place_groups(one)
+    (tmp_path / "plan.geojson").write_text('{"type": "FeatureCollection", "features": []}')
+    message = refusal_of(load_scenario(tmp_path / "s.yaml", policies=["boxer"]))
+    assert "s.yaml:5:19: obstacles.file: " in message
+    assert "is no floor plan: it draws nothing" in message
+    (tmp_path / "plan.geojson").unlink()
+    with pytest.raises(ScenarioError, match=r"obstacles.file: is 'plan.geojson', and .* holds no such file"):
+        load_scenario(tmp_path / "s.yaml", policies=["boxer"])
+
+
+def refusal_of(one):
+    with pytest.raises(ScenarioError) as failure:
+        place_groups(one)
+    return str(failure.value)

@@ -1,0 +1,143 @@
+"""Floor plans from GeoJSON and SVG become walls, boxes and discs; what is none is refused with its position."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from crowdsim.places.description import Box, Disc, Plan, Wall
+from crowdsim.places.plans import read_plan
+from crowdsim.places.sketch import PlanError
+
+
+def feature(geometry, coordinates, **properties):
+    geometry = {"type": geometry, "coordinates": coordinates}
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
+def read(tmp_path: Path, content, name="plan.geojson", **keys):
+    text = content if isinstance(content, str) else json.dumps(content)
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    return read_plan(tmp_path / name, Plan(file=name, **keys))
+
+
+def collection(*features):
+    return {"type": "FeatureCollection", "features": list(features)}
+
+
+def refused(tmp_path, content, name="plan.geojson", **keys):
+    with pytest.raises(PlanError) as failure:
+        read(tmp_path, content, name, **keys)
+    return str(failure.value).removeprefix(f"{tmp_path / name}: ")
+
+
+SQUARE = [[0, 0], [4, 0], [4, 3], [0, 3], [0, 0]]
+
+
+def test_lines_polygons_and_points_become_walls_boxes_and_discs(tmp_path):
+    wall, room, box, disc = read(
+        tmp_path,
+        collection(
+            feature("LineString", [[0, 0], [6, 0]], thickness=0.3, doors=[{"at": 2, "width": 1.2}]),
+            feature("Polygon", [SQUARE], kind="room", height=3),
+            feature("Polygon", [SQUARE]),
+            feature("Point", [9, 1], radius=0.4, name="pillar"),
+            feature("Point", [9, 9], name="a label, which stands nowhere"),
+        ),
+        height=2.0,
+    )
+    assert isinstance(wall, Wall)
+    assert (wall.thickness, wall.height, wall.doors[0].width) == (0.3, 2.0, 1.2)
+    assert isinstance(room, Wall)
+    assert (room.closed, room.height, len(room.points)) == (True, 3, 4)
+    assert isinstance(box, Box)
+    assert (box.centre, box.size) == ((2.0, 1.5), (4.0, 3.0))
+    assert isinstance(disc, Disc)
+    assert disc.centre == (9, 1)
+
+
+def test_scale_and_centre_place_a_plan(tmp_path):
+    (box,) = read(tmp_path, feature("Polygon", [SQUARE]), scale=0.5, centre=(10.0, -2.0))
+    assert box.centre == (10.0, -2.0)
+    assert box.size == (2.0, 1.5)
+
+
+def test_a_rotated_rectangle_is_a_box_and_any_other_outline_a_wall_around(tmp_path):
+    turned = [[0, 0], [3, 4], [-1, 7], [-4, 3], [0, 0]]
+    box, wall = read(tmp_path, collection(feature("Polygon", [turned]), feature("Polygon", [[[0, 0], [4, 0], [0, 4]]])))
+    assert box.size == pytest.approx((5.0, 5.0))
+    assert isinstance(wall, Wall)
+    assert wall.closed
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("{", "line 1: is no JSON, expected a GeoJSON file"),
+        ([1], "is no GeoJSON, expected an object with a type, such as FeatureCollection"),
+        (collection(), "is no floor plan: it draws nothing, expected lines, outlines or circles"),
+        (collection(feature("LineString", [[0, "a"], [1, 1]])), "features[0]: a position: is 'a', expected a number"),
+        (feature("LineString", [[0, 0, 1], [4, 0, 2]]), "Feature: positions are 1 to 2 m high: uneven ground is not "
+         "supported, every avatar moves on the plane y = 0, expected one height"),
+        (feature("LineString", [[8.5401, 47.3771], [8.5402, 47.3772]]), "is 0.0001 m large, expected 0.5 m or more; "
+         "'scale' says how many metres a unit of the file is"),
+        (feature("LineString", [[682000, 246000], [682020, 246000]]), "a point is at 682000, 246000, expected x and z "
+         "up to 4000 m; 'centre' moves the plan, 'scale' makes it smaller"),
+        (feature("Curve", []), "Feature: geometry of type 'Curve', expected LineString, Polygon or Point"),
+    ],
+)  # fmt: skip
+def test_what_is_no_floor_plan_is_refused(tmp_path, content, message):
+    assert refused(tmp_path, content) == message
+
+
+def test_a_door_in_a_file_that_leads_nowhere_is_refused(tmp_path):
+    assert refused(tmp_path, feature("LineString", [[0, 0], [3, 0]], doors=[{"at": 2.9}])) == (
+        "the wall from 0, 0: doors[0].at: is 2.9, so that the door leads nowhere: it reaches from 2.4 to 3.4 m of a "
+        "wall of 3 m, expected 0.5 to 2.5"
+    )
+    assert "thickness" in refused(tmp_path, feature("LineString", [[0, 0], [3, 0]], thickness=-1))
+
+
+def svg(inner, name="plan.svg"):
+    return f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 100">{inner}</svg>'
+
+
+def test_shapes_of_svg_become_obstacles_with_their_transforms(tmp_path):
+    inner = (
+        '<g transform="translate(10, 0) scale(2)"><line x1="0" y1="0" x2="4" y2="1"/>'
+        '<rect x="1" y="1" width="2" height="1"/><rect x="0" y="0" width="9" height="9" fill="none"/>'
+        '<circle cx="1" cy="2" r="0.5"/></g><path d="m 0 0 h 5 v 5 z l 1 1 M 20,20 C 20,25 25,25 25,20"/>'
+        '<polygon points="0,0 3,0 0,3"/><defs><line x1="0" y1="0" x2="1" y2="1"/></defs>'
+    )
+    found = read(tmp_path, svg(inner), "plan.svg")
+    walls = [one for one in found if isinstance(one, Wall)]
+    assert [wall.points for wall in walls[:2]] == [
+        ((10, 0), (18, 2)),
+        ((10, 0), (28, 0), (28, 18), (10, 18)),
+    ]
+    assert (walls[2].closed, walls[2].points) == (True, ((0, 0), (5, 0), (5, 5)))
+    assert walls[3].points == ((0, 0), (1, 1))
+    assert len(walls[4].points) == 13
+    assert max(z for _, z in walls[4].points) == pytest.approx(23.75)
+    assert [wall.closed for wall in walls[5:]] == [True]
+    (box,) = (one for one in found if isinstance(one, Box))
+    assert (box.centre, box.size) == ((14, 3), (4, 2))
+    (disc,) = (one for one in found if isinstance(one, Disc))
+    assert (disc.centre, disc.radius) == ((12, 4), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (svg("<text>Hall</text><image/>"), "is no floor plan: it holds image, text, expected line, polyline, polygon, "
+         "rect, circle or path"),
+        ("<html/>", "is <html>, expected an SVG file"),
+        ("<svg", "line 1: is no XML, expected an SVG file"),
+        ('<!DOCTYPE svg [<!ENTITY a "b">]><svg/>', "defines entities, expected a plain SVG file"),
+        (svg('<path d="M 0 0 X 3"/>'), "a path has the command 'X', expected one of M, L, H, V, C, S, Q, T, A, Z"),
+        (svg('<path d="M 0 0 L 3"/>'), "a path's command 'L' has too few numbers, expected 2"),
+        (svg('<g transform="spin(3)"><line x2="9"/></g>'), "transform spin(3), expected one of SVG's"),
+    ],
+)  # fmt: skip
+def test_svg_that_is_no_floor_plan_is_refused(tmp_path, content, message):
+    assert refused(tmp_path, content, "plan.svg") == message
