@@ -51,6 +51,7 @@ def open_run(folder: FileName) -> RecordedRun:
         arena=read_arena(folder),
         fps=_read(folder, "fps", float, FPS),
         cameras=_read(folder, "cameras", Cameras, {}),
+        health=_read_health(folder),
     )
 
 
@@ -115,6 +116,13 @@ def read_arena(folder: Path) -> Array:
 
     arena: Any = _read(folder, "arena", Arena, None)
     return np.zeros(5) if arena is None else pack_arena(arena)
+
+
+def _read_health(folder: Path) -> dict[str, float]:
+    """Return the health at the start of avatars that can be hurt, by the names of their types [points]."""
+    types: dict[str, dict[str, Any]] = _read(folder, "types", dict[str, dict[str, Any]], {})
+    found = {name: keys["damage"].get("health") for name, keys in types.items() if isinstance(keys.get("damage"), dict)}
+    return {name: float(points) for name, points in found.items() if isinstance(points, int | float)}
 
 
 def _read(folder: Path, key: str, kind: Any, otherwise: Any) -> Any:

@@ -86,7 +86,10 @@ def run(
     crowd = _draw(one) if policies is None else draw_crowd(scenario, policies)
     collector = TakeCollector(take_header(scenario, crowd), crowd.policies)
     record(one, crowd, collector)
-    return RecordedRun.of(collector.take(), arena=crowd.arena, fps=scenario.fps, cameras=scenario.cameras)
+    health = {name: one.damage.health for name, one in scenario.types.items() if one.damage is not None}
+    return RecordedRun.of(
+        collector.take(), arena=crowd.arena, fps=scenario.fps, cameras=scenario.cameras, health=health
+    )
 
 
 def run_to(
