@@ -109,7 +109,8 @@ class Crowd {
   }
 
   // Poses all avatars that a view shows, or whose shadows it does, with fewer capsules the smaller they are.
-  place(moment, view, selected, near) {
+  // `near` is how far out of the picture they may be [m], `detail` how many pixels are drawn for one of the view.
+  place(moment, view, selected, near, detail) {
     const { shapes, owners, heads, roots, facing, positions: P, rotations: R } = this;
     const { figure: figures, scale, girth, stretch, height } = this.scene.tables;
     let at = 0;
@@ -140,7 +141,7 @@ class Crowd {
         this.feet[avatar] = figure.feet.map(j => [P[3 * j], P[3 * j + 1], P[3 * j + 2]]);
       rotate(facing, 3 * avatar, R, figure.face ? 4 * figure.face.joint : 0, ahead[0], ahead[1], ahead[2]);
       const { joints, starts, ends, radii, parts, segments, swells } = figure.capsules, all = joints.length;
-      const size = pixels * tall, count = size > 60 ? all : size > 24 ? Math.min(all, 17) : size > 9 ? Math.min(all, 9)
+      const size = pixels * tall * detail, count = size > 60 ? all : size > 24 ? Math.min(all, 17) : size > 9 ? Math.min(all, 9)
         : Math.min(all, 4);
       for (let k = 0; k < count; k++, at++) {
         const o = FLOATS * at, j = joints[k], long = scale[avatar] * stretch[3 * avatar + segments[k]];

@@ -129,7 +129,8 @@ class Recording {
       entry = { parts: null };
       entry.promise = this.source.block(number).then(inflate)
         .then(bytes => unpackBlock(bytes, this.scene, frames, urgent)).then(parts => { entry.parts = parts; });
-      entry.promise.catch(() => this.blocks.delete(number));
+      // One that fails is not asked for again at once.
+      entry.promise.catch(() => setTimeout(() => this.blocks.delete(number), 2000));
     }
     this.blocks.delete(number);
     this.blocks.set(number, entry);

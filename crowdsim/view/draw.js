@@ -7,7 +7,7 @@ const LOOKS = {
   dark: { floor: [0.10, 0.016, 0.40, 0.16], horizon: [0.07, 0.08, 0.10], zenith: [0.015, 0.018, 0.03] },
 };
 // Resolution, samples for smooth edges: from fine to fast. The first is for displays with small pixels.
-const QUALITIES = [[2, 4], [1, 4], [1, 0], [0.7, 0], [0.5, 0]];
+const QUALITIES = [[2, 4], [1, 4], [1, 0], [0.7, 0], [0.5, 0], [0.35, 0]];
 const SLOW = 42, FAST = 24; // medians of the time between pictures at which quality changes [ms]
 
 const HEAD = `#version 300 es
@@ -61,11 +61,11 @@ const BODY_FRAGMENT = `${HEAD}
 flat in vec4 a, b, paint;
 in vec3 at;
 out vec4 colour;
-uniform float smoothEdges;
 void main() {
   vec3 way = normalize(at - eye), ba = b.xyz - a.xyz, oa = eye - a.xyz;
   float ra = a.w, rb = b.w, taper = rb - ra;
   float bb = dot(ba, ba), bw = dot(ba, way), bo = dot(ba, oa), ow = dot(oa, way), oo = dot(oa, oa);
+#ifdef SMOOTH
   // How far the ray misses the axis: edges are as smooth as that says.
   float s = clamp((bo - bw * ow) / max(bb - bw * bw, 1e-9), 0.0, 1.0);
   // Of a cone the widest place is nearer to its thicker end.
@@ -78,9 +78,13 @@ void main() {
   float outside = length(gap) - (ra + taper * s);
   float cover = clamp(0.5 - outside / (pixel * t), 0.0, 1.0);
   if (cover <= 0.0 || t < 0.03) discard;
+  vec3 n = normalize(gap);
+#else
+  float cover = 1.0;
+  vec3 n;
+#endif
   float d2 = bb - taper * taper, k2 = d2 - bw * bw, k1 = d2 * ow - bo * bw - bw * taper * ra;
   float k0 = d2 * oo - bo * bo - bo * taper * ra * 2.0 - bb * ra * ra, h = k1 * k1 - k0 * k2, hit = -1.0;
-  vec3 n = normalize(gap);
   if (h > 0.0 && abs(k2) > 1e-9) {
     float u = (-sqrt(h) - k1) / k2, y = bo + ra * taper + u * bw;
     if (y > 0.0 && y < d2) { hit = u; n = normalize(d2 * (oa + u * way) - ba * y); }
@@ -91,8 +95,11 @@ void main() {
     float ta = ha > 0.0 ? -ow - sqrt(ha) : 1e9, tb = hb > 0.0 ? -wb - sqrt(hb) : 1e9;
     if (min(ta, tb) < 1e8) { hit = min(ta, tb); n = normalize(ta < tb ? oa + ta * way : ob + tb * way); }
   }
+#ifdef SMOOTH
   if (hit < 0.0) hit = t;
-  if (smoothEdges < 0.5 && cover < 0.5) discard;
+#else
+  if (hit < 0.03) discard;
+#endif
   vec3 p = eye + hit * way;
   vec4 q = project(p);
   gl_FragDepth = 0.5 + 0.5 * q.z / q.w;
@@ -186,8 +193,8 @@ void main() {
   vec2 w = max(vec2(across * n.y + along * n.x, across * n.x + along * n.y), 1e-5);
   float squares = checks(p.x, w.x) * checks(p.y, w.y);
   float line = 1.0 - (1.0 - stripes(0.2 * p.x, 0.2 * w.x, 0.008)) * (1.0 - stripes(0.2 * p.y, 0.2 * w.y, 0.008));
-  float fine = 1.0 - (1.0 - stripes(10.0 * p.x, 10.0 * w.x, 0.06)) * (1.0 - stripes(10.0 * p.y, 10.0 * w.y, 0.06));
-  fine *= clamp(1.3 - 45.0 * max(w.x, w.y), 0.0, 1.0);
+  float fine = clamp(1.3 - 45.0 * max(w.x, w.y), 0.0, 1.0);
+  if (fine > 0.0) fine *= 1.0 - (1.0 - stripes(10.0 * p.x, 10.0 * w.x, 0.06)) * (1.0 - stripes(10.0 * p.y, 10.0 * w.y, 0.06));
   float outside = 0.0, border = 0.0;
   if (arenaKind > 0) {
     vec2 gap = abs(p - arena.xy);
@@ -204,6 +211,53 @@ void main() {
   vec3 c = albedo * (SUN * sun.y * (1.0 - dark.r) + (SKY - 0.03) * (1.0 - dark.g));
   colour = vec4(develop(mix(c, sky, fog(t))), 1);
 }`;
+const MOST_MARKS = 32, MARK_SECONDS = 0.28, MARK_SIZE = 0.24;
+const MARK_VERTEX = `${HEAD}
+uniform vec4 places[${MOST_MARKS}], kinds[${MOST_MARKS}]; // point and size; age, power, shape
+out vec2 q;
+flat out vec4 kind;
+void main() {
+  int c = gl_VertexID % 3 + gl_VertexID / 3;
+  vec2 corner = vec2(c & 1, c >> 1) * 2.0 - 1.0;
+  vec4 place = places[gl_InstanceID];
+  kind = kinds[gl_InstanceID];
+  q = corner * 2.2;
+  vec3 to = normalize(place.xyz - eye);
+  // It lies before the bodies that it is between, and is never too small to be seen.
+  vec4 middle = project(place.xyz - to * 0.45);
+  float size = max(place.w, 3.0 * pixel * middle.w);
+  gl_Position = project(place.xyz - to * 0.45 + (right * q.x + up * q.y) * size);
+}`;
+const MARK_FRAGMENT = `${HEAD}
+in vec2 q;
+flat in vec4 kind;
+out vec4 colour;
+void main() {
+  float square = dot(q, q), far = sqrt(square), age = kind.x, glow;
+  if (square >= 4.8) discard;
+  vec3 tint;
+  if (kind.z == 1.0) { // warm star and ring
+    float u = q.x + q.y, v = q.x - q.y, rings = far - 0.3 - 1.3 * age;
+    float rays = 1.0 / (1.0 + 60.0 * q.x * q.x * q.y * q.y / (square + 0.02)) + 0.4 / (1.0 + 40.0 * u * u * v * v);
+    glow = (1.2 + 1.5 * rays) / (1.0 + 30.0 * square) + 0.5 / (1.0 + 220.0 * rings * rings);
+    tint = vec3(1.5, 1.15, 0.55);
+  } else if (kind.z == 2.0) { // blue dot in a ring that stays
+    float rings = far - 0.65;
+    glow = 1.2 / (1.0 + 180.0 * rings * rings) + 1.2 / (1.0 + 40.0 * square);
+    tint = vec3(0.35, 0.8, 1.9);
+  } else if (kind.z == 3.0) { // green ring that grows
+    float rings = far - 0.4 - 0.8 * age;
+    glow = 0.9 / (1.0 + 260.0 * rings * rings);
+    tint = vec3(0.35, 1.5, 0.4);
+  } else { // grey cross
+    float arm = min(abs(q.x + q.y), abs(q.x - q.y));
+    glow = square < 0.3 ? 0.7 / (1.0 + 300.0 * arm * arm) : 0.0;
+    tint = vec3(0.9, 0.9, 0.95);
+  }
+  float window = 1.0 - square / 4.8;
+  colour = vec4(sqrt(min(tint * glow * kind.y * window * window * (1.0 - age) * (1.0 - age), 1.0)), 1);
+}`;
+const SHAPES = { landed: 1, thrown: 1, blocked: 2, evaded: 3, missed: 0 };
 
 class Painter {
   constructor(canvas, crowd) {
@@ -220,8 +274,10 @@ class Painter {
     const gl = this.gl;
     this.programs = {
       body: this.program(BODY_VERTEX, BODY_FRAGMENT),
+      smoothBody: this.program(BODY_VERTEX, BODY_FRAGMENT.replace('\n', '\n#define SMOOTH\n')),
       shadow: this.program(SHADOW_VERTEX, SHADOW_FRAGMENT),
       floor: this.program(FLOOR_VERTEX, FLOOR_FRAGMENT),
+      mark: this.program(MARK_VERTEX, MARK_FRAGMENT),
     };
     this.rows = Math.max(1, Math.ceil(this.crowd.capsules / ROW));
     this.padded = new Float32Array(this.rows * ROW * FLOATS);
@@ -333,7 +389,31 @@ class Painter {
     this.gl.drawElementsInstanced(this.gl.TRIANGLES, 6 * ROW, this.gl.UNSIGNED_SHORT, 0, Math.ceil(this.crowd.drawn / ROW));
   }
 
-  draw(view, still) {
+  // Marks of the strikes of the last moment, as bright as fists were fast.
+  marks(view, seconds) {
+    const gl = this.gl, { tables: t, outcomes } = this.scene, places = [], kinds = [];
+    for (let i = placeAfter(t.strike_time, seconds + 1e-6) - 1; i >= 0 && kinds.length < 4 * MOST_MARKS; i--) {
+      const age = (seconds - t.strike_time[i]) / MARK_SECONDS;
+      if (age >= 1) break;
+      places.push(...t.strike_point.subarray(3 * i, 3 * i + 3), MARK_SIZE);
+      kinds.push(age, 0.55 + 0.45 * clamp(t.strike_speed[i] / 9, 0, 1), SHAPES[outcomes[t.strike_outcome[i]]], 0);
+    }
+    if (!kinds.length) return;
+    this.use('mark', view, {});
+    gl.uniform4fv(this.programs.mark.uniforms['places[0]'], places);
+    gl.uniform4fv(this.programs.mark.uniforms['kinds[0]'], kinds);
+    gl.enable(gl.BLEND);
+    gl.blendEquation(gl.FUNC_ADD);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_COLOR);
+    gl.depthMask(false);
+    gl.bindVertexArray(this.none);
+    gl.drawArraysInstanced(gl.TRIANGLES, 0, 6, kinds.length / 4);
+    gl.depthMask(true);
+    gl.disable(gl.BLEND);
+  }
+
+  // Draws the crowd as it is placed; marks of the strikes around a time where one is given.
+  draw(view, still, seconds = null) {
     if (this.lost) return;
     const gl = this.gl, { sun } = this.scene, rows = Math.ceil(this.crowd.drawn / ROW), look = LOOKS[this.theme];
     this.resize(still);
@@ -364,9 +444,10 @@ class Painter {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.enable(gl.DEPTH_TEST);
     if (this.samples) gl.enable(gl.SAMPLE_ALPHA_TO_COVERAGE);
-    this.use('body', view, { smoothEdges: this.samples ? 1 : 0 });
+    this.use(this.samples ? 'smoothBody' : 'body', view, {});
     if (rows) this.quadsOf();
     gl.disable(gl.SAMPLE_ALPHA_TO_COVERAGE);
+    if (seconds !== null) this.marks(view, seconds);
     gl.colorMask(true, true, true, true);
     gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.smooth);
     gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);

@@ -1,6 +1,5 @@
-// What lies over the picture: names and health, marks of strikes, targets, contacts, and which avatar is chosen.
+// What lies over the picture: names and health, contacts, joints, and which avatar is chosen.
 
-const MARK_SECONDS = 0.28, MARK_SIZE = 0.24;
 // Teams are told apart by these too, not by colour alone.
 const SYMBOLS = ['circle', 'triangle', 'square', 'diamond', 'star', 'cross', 'ring', 'down', 'hexagon', 'bar'];
 const MOST_NAMES = 80;
@@ -43,58 +42,17 @@ function drawSymbol(ctx, team, colour, x, y, r, edge) {
   ctx.stroke();
 }
 
-const MARKS = {
-  // As crowdsim renders them: warm star and ring, blue dot in a ring, green ring that grows, grey cross.
-  landed(ctx, r, age) {
-    ctx.strokeStyle = ctx.fillStyle = '#ffe3a0';
-    ctx.beginPath();
-    ctx.arc(0, 0, 0.3 * r, 0, 2 * Math.PI);
-    ctx.fill();
-    for (let i = 0; i < 8; i++) {
-      const a = Math.PI * i / 4, far = r * (i % 2 ? 0.7 : 1.3);
-      ctx.beginPath();
-      ctx.moveTo(0.15 * r * Math.cos(a), 0.15 * r * Math.sin(a));
-      ctx.lineTo(far * Math.cos(a), far * Math.sin(a));
-      ctx.stroke();
-    }
-    ring(ctx, r * (0.3 + 1.3 * age));
-  },
-  blocked(ctx, r) {
-    ctx.strokeStyle = ctx.fillStyle = '#58aaff';
-    ring(ctx, 0.65 * r);
-    ctx.beginPath();
-    ctx.arc(0, 0, 0.25 * r, 0, 2 * Math.PI);
-    ctx.fill();
-  },
-  evaded(ctx, r, age) {
-    ctx.strokeStyle = '#54e066';
-    ring(ctx, r * (0.4 + 0.8 * age));
-  },
-  missed(ctx, r) {
-    ctx.strokeStyle = '#f2f2f5';
-    for (const [x, y] of [[1, 1], [1, -1]]) {
-      ctx.beginPath();
-      ctx.moveTo(-0.4 * r * x, -0.4 * r * y);
-      ctx.lineTo(0.4 * r * x, 0.4 * r * y);
-      ctx.stroke();
-    }
-  },
-};
-MARKS.thrown = MARKS.landed;
-
-function ring(ctx, r) {
-  ctx.beginPath();
-  ctx.arc(0, 0, Math.max(r, 0.5), 0, 2 * Math.PI);
-  ctx.stroke();
-}
-
 class Overlay {
   constructor(canvas, crowd, facts) {
     Object.assign(this, { canvas, crowd, facts, scene: crowd.scene, ctx: canvas.getContext('2d') });
   }
 
   draw(view, moment, seconds, options) {
-    const { canvas, ctx } = this, ratio = Math.min(devicePixelRatio, 2);
+    const { canvas, ctx } = this, { facts, scene } = this, shows = options.labels || options.selected >= 0 || facts.canBeHurt;
+    // A canvas that shows nothing is not there: putting it over the picture takes time.
+    canvas.hidden = !shows && !scene.tables.contact;
+    if (canvas.hidden) return;
+    const ratio = Math.min(devicePixelRatio, 2);
     const width = Math.round(view.width * ratio), height = Math.round(view.height * ratio);
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
@@ -104,7 +62,6 @@ class Overlay {
     this.paper = options.dark ? '#101216d0' : '#ffffffd8';
     this.contacts(view, seconds);
     if (options.selected >= 0) this.selection(view, options.selected);
-    if (options.marks) this.strikes(view, seconds);
     if (options.joints && options.selected >= 0) this.joints(view, moment, options.selected);
     this.names(view, seconds, options);
   }
@@ -144,24 +101,6 @@ class Overlay {
       this.ctx.stroke();
       this.ctx.fillStyle = '#1f9fffa0';
       this.ctx.fill();
-    }
-  }
-
-  strikes(view, seconds) {
-    const { strike_time: times, strike_point: points, strike_outcome: outcomes, strike_speed: speeds } = this.scene.tables;
-    const ctx = this.ctx, end = placeAfter(times, seconds + 1e-6);
-    for (let i = end - 1; i >= 0 && seconds - times[i] < MARK_SECONDS; i--) {
-      const p = view.project(points[3 * i], points[3 * i + 1], points[3 * i + 2]);
-      if (!p) continue;
-      const age = (seconds - times[i]) / MARK_SECONDS, r = clamp(MARK_SIZE * view.focal / p[2], 5, 60);
-      ctx.save();
-      ctx.translate(p[0], p[1]);
-      ctx.globalAlpha = (1 - age) ** 1.5 * (0.55 + 0.45 * clamp(speeds[i] / 9, 0, 1)) * clamp(r / 8, 0.4, 1);
-      ctx.lineWidth = Math.max(1.5, r * 0.14);
-      ctx.shadowColor = '#000000';
-      ctx.shadowBlur = 3;
-      MARKS[this.scene.outcomes[outcomes[i]]](ctx, r, age);
-      ctx.restore();
     }
   }
 

@@ -210,7 +210,8 @@ class Timeline {
   draw(seconds, avatar) {
     const { canvas } = this, ratio = devicePixelRatio, width = canvas.clientWidth, height = canvas.clientHeight;
     const colours = getComputedStyle(document.documentElement), colour = name => colours.getPropertyValue(name);
-    const drawn = [width, ratio, avatar, seconds.toFixed(3), colour('--text')].join();
+    element('now').style.transform = `translateX(${this.x(seconds, width) - 0.75}px)`;
+    const drawn = [width, ratio, avatar, colour('--text')].join();
     if (drawn === this.drawn || !width) return;
     this.drawn = drawn;
     Object.assign(canvas, { width: Math.round(width * ratio), height: Math.round(height * ratio) });
@@ -230,8 +231,6 @@ class Timeline {
       tracePath(ctx, 'down', this.x(time, width), 6, 5);
       ctx.fill();
     }
-    ctx.fillStyle = colour('--text');
-    ctx.fillRect(this.x(seconds, width) - 0.75, 0, 1.5, height);
   }
 
   // The event near a place, to jump to a little before it; else the time there.

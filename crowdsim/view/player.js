@@ -266,10 +266,11 @@ class Player {
 
   fail(error) {
     this.failed = error.message;
-    this.play(false);
+    if (this.playing) this.play(false);
     const message = element('message');
     message.textContent = error.message;
     message.hidden = false;
+    this.dirty = false;
   }
 
   tick(now) {
@@ -305,16 +306,21 @@ class Player {
     const ahead = this.recording.load(Math.floor(moment.before / scene.block) + 1, false);
     ahead?.promise.catch(() => {});
     this.dirty = false;
+    if (this.failed) {
+      this.failed = '';
+      element('message').hidden = true;
+    }
     this.painter.theme = this.dark.matches ? 'dark' : 'light';
     this.view = this.camera.view(this.crowd, this.time, passed, width, height);
-    this.crowd.place(moment, this.view, Math.max(this.selected, ['follow', 'eye'].includes(this.camera.kind) ? this.camera.avatar : -1), 3);
+    const onAvatar = ['follow', 'eye'].includes(this.camera.kind), detail = fine ? 1 : (this.painter.width || width) / width;
+    this.crowd.place(moment, this.view, onAvatar ? this.camera.avatar : this.selected, 3, detail);
     // A camera on an avatar needs to know where that is now.
-    if (['follow', 'eye'].includes(this.camera.kind)) {
+    if (onAvatar) {
       this.view = this.camera.view(this.crowd, this.time, this.playing ? passed : 0, width, height);
-      this.crowd.place(moment, this.view, this.camera.avatar, 3);
+      this.crowd.place(moment, this.view, this.camera.avatar, 3, detail);
     }
     // While it stands still, the picture is as fine as can be, once nothing has changed for a moment.
-    this.painter.draw(this.view, Boolean(fine));
+    this.painter.draw(this.view, Boolean(fine), this.options.marks ? this.time : null);
     this.fine = this.playing || fine ? 0 : this.last + 150;
     this.overlay.draw(this.view, moment, this.time, { ...this.options, selected: this.selected, dark: this.dark.matches });
     this.panel.update(this.selected, this.time, moment.before);

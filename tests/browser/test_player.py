@@ -8,12 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import view
 import yaml
 from conftest import picture
 from scenes import crowdsim, write_scene
 
 import crowdsim as library
 from crowdsim.scenario.camera_files import camera_in_file
+from crowdsim.view.server import open_server
 
 pytestmark = pytest.mark.browser
 
@@ -51,6 +53,14 @@ def test_a_page_from_a_file_shows_itself_without_errors_and_asks_for_nothing_els
     assert browser.requests == [page.as_uri()]
     assert browser.evaluate("document.getElementById('message').hidden")
     assert browser.evaluate("document.title") == "four"
+
+
+def test_joints_that_the_page_unpacks_are_within_a_millimetre_or_so_of_the_poses(player, run) -> None:
+    sampler = library.open_run(run).sampler
+    for frame in (0, 1, 77, 159):
+        shown = np.array(player.evaluate(view.JOINTS.replace("FRAME", str(frame))))
+        (poses,) = sampler.sample(frame, frame + 1, 60.0)
+        assert np.linalg.norm(shown - poses.joints()[0][0], axis=-1).max() < 1.2e-3
 
 
 def near(shown: np.ndarray, colour: np.ndarray, far: int) -> int:
@@ -205,6 +215,28 @@ def test_hostile_names_stay_text(browser, run) -> None:
     assert browser.evaluate("document.images.length") == 0
     assert browser.console == []
     assert browser.requests == [page.as_uri()]
+
+
+def test_a_served_page_shows_itself_and_asks_its_server_alone(browser, run) -> None:
+    import threading
+
+    import uvicorn
+
+    server = open_server(library.open_run(run).recording())
+    running = uvicorn.Server(uvicorn.Config(server.app, log_level="error", lifespan="off"))
+    thread = threading.Thread(target=running.run, kwargs={"sockets": [server.socket]}, daemon=True)
+    thread.start()
+    browser.shown(server.address)
+    browser.evaluate("crowdsimPlayer.play(false); crowdsimPlayer.seek(1.6)")
+    browser.settle()
+    assert browser.console == []
+    assert all(request.startswith(server.address) for request in browser.requests)
+    assert f"{server.address}block/1" in browser.requests
+    running.should_exit = True
+    thread.join(60)
+    browser.evaluate("crowdsimPlayer.recording.blocks.clear(); crowdsimPlayer.seek(0.2)")
+    browser.wait("!document.getElementById('message').hidden")
+    assert browser.evaluate("document.getElementById('message').textContent").startswith("The connection is lost")
 
 
 def test_a_page_that_was_cut_off_says_so(browser, page) -> None:
