@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 SYSTEM_PACKAGES := libgl1 libegl1 libgomp1 libusb-1.0-0 libx11-6
 
-.PHONY: demo test test-slow wheel bench docs-tables docs-pictures docs-reference lint system clean
+.PHONY: demo test test-slow test-browser wheel bench docs-tables docs-pictures docs-reference lint system clean
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
@@ -38,11 +38,17 @@ demo: system $(VENV)/.installed
 	@echo "Run again:   $(BIN)/crowdsim run scenarios/brawl_30.yaml --force"
 
 test: system $(VENV)/.installed-test
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow"
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not browser"
 
 # Slow tests run every benchmark, so they need the packages that benchmarks compare with.
 test-slow: system $(VENV)/.installed-bench
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m slow
+
+# Pages of the player in Chromium, without a window. With CI=true a browser that is missing fails the tests.
+test-browser: $(VENV)/.installed-test
+	@command -v chromium || command -v chromium-browser || command -v google-chrome-stable || command -v google-chrome \
+	  || echo "no Chromium was found; on Debian: apt-get install --no-install-recommends chromium"
+	$(BIN)/python -m pytest -m browser tests/browser
 
 $(VENV)/.installed-bench: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,bench]'

@@ -26,6 +26,7 @@ from crowdsim.commands.profiling import profile
 from crowdsim.commands.rendering import render
 from crowdsim.commands.running import run
 from crowdsim.commands.training import train
+from crowdsim.commands.viewing import view
 from crowdsim.errors import CrowdsimError
 
 EXIT_CODES = "Exit codes: 0 done, 1 a run failed, 2 invalid input, 130 interrupted, 143 terminated."
@@ -67,7 +68,22 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 120},
 )
-for _command in (perform, inspect, train, run, batch, export, render, profile, validate, schema, verify, status, pack):
+for _command in (
+    perform,
+    inspect,
+    train,
+    run,
+    batch,
+    export,
+    render,
+    view,
+    profile,
+    validate,
+    schema,
+    verify,
+    status,
+    pack,
+):
     app.command(cls=ExportVerb if _command is export else Verb, epilog=EXIT_CODES)(with_talk(_command))
 
 

@@ -23,6 +23,7 @@ from _performance_tables import PERFORMANCE_TABLES
 from _quality_tables import QUALITY_TABLES
 from _results import Results
 from _user_tables import USER_TABLES
+from _view_tables import VIEW_TABLES
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = Path("benchmarks/results.json")
@@ -32,6 +33,7 @@ PAGES = {
     "docs/performance.md": PERFORMANCE_TABLES,
     "docs/paper.md": PAPER_TABLES,
     "docs/own_capture.md": CAPTURE_TABLES,
+    "docs/view.md": VIEW_TABLES,
 }
 """Tables of each page: functions that return lines, by the name in the marker."""
 MARKER = re.compile(r"<!-- (?:table: (?P<name>[\w-]+)|end) -->")

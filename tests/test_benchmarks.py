@@ -75,6 +75,11 @@ KEYS = {
         "read.short_milliseconds", "large.writing_over_control", "large.writing_over_disk",
     ],
     "cameras": [f"{scene}.{camera}.seen_share" for scene in ("duel", "bout") for camera in ("auto", "side")],
+    "view": [
+        *(f"pages.{count}.{key}" for count in ("30", "1000", "10000")
+          for key in ("megabytes", "posing_seconds", "seconds", "first_picture_seconds", "frame_milliseconds")),
+        "pages.30.error_millimetres", "renderer",
+    ],
     "poses": [f"{name}.poses_per_s" for name in ("threads_1", "threads_2", "crowd_of_10000_by_8_frames")],
 }  # fmt: skip
 
@@ -92,6 +97,13 @@ MAY_BE_NULL = {
     ),
     *(key for key in KEYS["fights"] if key.startswith("lying.")),
     *KEYS["cameras"],
+    # Of Chromium, which need not be there.
+    "renderer",
+    *(
+        key
+        for key in KEYS["view"]
+        if key.rpartition(".")[2] in ("first_picture_seconds", "frame_milliseconds", "error_millimetres")
+    ),
 }
 
 

@@ -21,6 +21,7 @@ COMMANDS = [
     "run",
     "export",
     "render",
+    "view",
     "profile",
     "validate",
     "schema",

@@ -277,6 +277,18 @@ def bvh_source(
 
 def _person(capture: Capture, start: int, fps: float | None, team: int) -> ClipSource:
     """Return one person of a file as a source of pictures, from a frame on."""
+    clip, grounds = shown_clip(capture, start, fps)
+    return clip_source(clip, capture.body, grounds, team)
+
+
+def shown_clip(capture: Capture, start: int, fps: float | None = None) -> tuple[Clip, Array | None]:
+    """Return one person of a file as it is shown from a frame on, on the floor, and its ground transforms (F, 3).
+
+    There are none of what is no human body.
+
+    Raises:
+        BvhError: There is no such frame, or a value is not finite.
+    """
     path = capture.clip.source
     clip = capture.clip.sliced(start, capture.clip.frame_count)
     if clip.frame_count < 1:
@@ -285,11 +297,11 @@ def _person(capture: Capture, start: int, fps: float | None, team: int) -> ClipS
         bad = ~(np.isfinite(clip.rotations).all(axis=(1, 2)) & np.isfinite(clip.root_positions).all(axis=1))
         raise BvhError(f"{path}:1:1: frame {start + int(np.argmax(bad))} holds a value that is no number")
     clip = resample(clip, show_rate(clip.fps, fps))
-    if capture.body is not None:
-        if clip.frame_count > 1:
-            clip, _ = on_floor(clip, capture.body)
-        return clip_source(clip, capture.body, clip_tracks(clip, capture.body).ground, team)
-    return clip_source(_settled(clip, capture.unit_scale is None), team=team)
+    if capture.body is None:
+        return _settled(clip, capture.unit_scale is None), None
+    if clip.frame_count > 1:
+        clip, _ = on_floor(clip, capture.body)
+    return clip, clip_tracks(clip, capture.body).ground
 
 
 def _settled(clip: Clip, free: bool) -> Clip:

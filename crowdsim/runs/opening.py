@@ -52,6 +52,7 @@ def open_run(folder: FileName) -> RecordedRun:
         obstacles=read_obstacles(folder),
         fps=_read(folder, "fps", float, FPS),
         cameras=_read(folder, "cameras", Cameras, {}),
+        health=_read_health(folder),
     )
 
 
@@ -135,6 +136,13 @@ def read_obstacles(folder: Path) -> Array:
         return pack_parts(obstacle_shapes(obstacles, arena, place_of(folder)), 1.0)
     except PlanError:
         return pack_parts((), 1.0)
+
+
+def _read_health(folder: Path) -> dict[str, float]:
+    """Return the health at the start of avatars that can be hurt, by the names of their types [points]."""
+    types: dict[str, dict[str, Any]] = _read(folder, "types", dict[str, dict[str, Any]], {})
+    found = {name: keys["damage"].get("health") for name, keys in types.items() if isinstance(keys.get("damage"), dict)}
+    return {name: float(points) for name, points in found.items() if isinstance(points, int | float)}
 
 
 def _read(folder: Path, key: str, kind: Any, otherwise: Any) -> Any:

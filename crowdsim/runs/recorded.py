@@ -26,6 +26,11 @@ from crowdsim.take.take import Take
 if TYPE_CHECKING:
     from crowdsim.render.batch import Place
     from crowdsim.render.look import Look
+    from crowdsim.view.page import Page
+    from crowdsim.view.recording import Recording
+
+VIEW_FPS = 60.0
+"""Frames a second of recordings: between those of a lower rate fists are centimetres away from where they were."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +44,7 @@ class RecordedRun(Take):
         obstacles: Parts of its scenario's obstacles, whose doors open by seconds. Shape (n,), ``PART``.
         fps: Frames a second of outputs, as its scenario says.
         cameras: Cameras of its scenario by name.
+        health: Health at the start of avatars that can be hurt, by the names of their types [points].
     """
 
     folder: Path | None = None
@@ -47,6 +53,7 @@ class RecordedRun(Take):
     obstacles: Array = field(default_factory=lambda: np.zeros(0, PART))
     fps: float = FPS
     cameras: Mapping[str, Camera] = field(default_factory=dict)
+    health: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, take: Take, **more: Any) -> RecordedRun:
@@ -95,9 +102,8 @@ class RecordedRun(Take):
         from crowdsim.runs.exports import choose_outputs, export_take
 
         wanted = (kinds,) if isinstance(kinds, str) else tuple(kinds)
-        chosen = avatars if isinstance(avatars, str) else None
-        if chosen is None and avatars is not None:
-            chosen = ",".join(map(str, np.unique(self.cast.numbers(avatars))))
+        numbers = self._chosen(avatars)
+        chosen = None if numbers is None else ",".join(map(str, numbers))
         outputs = choose_outputs(self, wanted, self.fps if fps is None else fps, _range_text(frames), chosen, **keys)
         folder = self._place(out)
         written = export_take(self.folder or folder, self, self.policies, outputs, folder, threads, progress, force)
@@ -185,6 +191,55 @@ class RecordedRun(Take):
             self, self.policies, rate, threads=threads, arena=self.arena, cameras=self.cameras, obstacles=self.obstacles
         )
         return list(render(source, self._place(out), options, progress, record).files)
+
+    def view(
+        self,
+        avatars: ArrayLike | None = None,
+        frames: str | tuple[int, int] | None = None,
+        fps: str | float | Fraction = VIEW_FPS,
+        threads: int = CORES,
+        progress: Progress | None = None,
+    ) -> Page:
+        """Return a page that plays the run in a browser, as ``crowdsim view --html`` writes it.
+
+        The page needs no network and no other file. Notebooks show it as the player.
+
+        Args:
+            avatars: Numbers or names, or text such as ``0-9``; all when None.
+            frames: Output frames, half-open: text such as ``0:120`` or ``2s:5s``, or two numbers; all when None.
+            fps: Frames a second, a fraction too.
+            threads: Threads; the page does not depend on them.
+            progress: Called with stage, done and total.
+
+        Returns:
+            The page, which is its text.
+
+        Raises:
+            TakeError: Avatars or frames are not in the take.
+            CrowdsimError: The page would be too large.
+        """
+        from crowdsim.view.page import Page, check_size, page_parts
+
+        recording = self.recording(avatars, _range_text(frames), parse_rate(fps), threads)
+        check_size(recording)
+        return Page(b"".join(page_parts(recording, threads, progress)).decode("utf-8"))
+
+    def recording(
+        self, avatars: ArrayLike | None = None, frames: str | None = None, fps: float = VIEW_FPS, threads: int = CORES
+    ) -> Recording:
+        """Return the run as the player takes it; arguments and errors as of ``view``."""
+        from crowdsim.view.take_motion import record_take
+
+        numbers = self._chosen(avatars)
+        return record_take(self, fps, numbers, frames, threads, self.arena, self.cameras, self.health)
+
+    def _chosen(self, avatars: ArrayLike | None) -> list[int] | None:
+        """Return the numbers of avatars, ascending; None for all."""
+        from crowdsim.export.select import parse_avatars
+
+        if avatars is None or isinstance(avatars, str):
+            return parse_avatars(avatars, self.cast)
+        return np.unique(self.cast.numbers(avatars)).tolist()
 
     def _place(self, out: FileName | None) -> Path:
         """Return the folder for files of the run."""

@@ -87,9 +87,14 @@ def run(
     crowd = _draw(one) if policies is None else draw_crowd(scenario, policies)
     collector = TakeCollector(take_header(scenario, crowd), crowd.policies)
     record(one, crowd, collector)
-    obstacles = pack_obstacles(scenario, 1.0)
+    health = {name: one.damage.health for name, one in scenario.types.items() if one.damage is not None}
     return RecordedRun.of(
-        collector.take(), arena=crowd.arena, obstacles=obstacles, fps=scenario.fps, cameras=scenario.cameras
+        collector.take(),
+        arena=crowd.arena,
+        obstacles=pack_obstacles(scenario, 1.0),
+        fps=scenario.fps,
+        cameras=scenario.cameras,
+        health=health,
     )
 
 

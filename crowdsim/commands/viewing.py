@@ -1,0 +1,117 @@
+"""The command ``view``."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import sys
+import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from crowdsim.commands.common import Force, Frames, Threads, fps_option, note, say, size_text
+from crowdsim.commands.process import opened_run
+from crowdsim.commands.progress import Bars
+from crowdsim.core.workers import CORES
+from crowdsim.errors import CrowdsimError
+
+if TYPE_CHECKING:
+    from crowdsim.view.recording import Recording
+
+
+def view(
+    thing: Annotated[Path, typer.Argument(metavar="RUN|FILE.bvh|DIR", help="A run, its archive, or BVH files.")],
+    html: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write one page that needs no server and no network.")
+    ] = None,
+    avatars: Annotated[
+        str | None,
+        typer.Option(metavar="AVATARS", help="Numbers or names of avatars: 0-9 or 0,3,red_1; all by default."),
+    ] = None,
+    frames: Frames = None,
+    fps: Annotated[float | None, fps_option("Frames a second; 60, or a BVH file's own, by default")] = None,
+    port: Annotated[
+        int | None, typer.Option(metavar="N", min=1, max=65535, help="Port; a free one by default.")
+    ] = None,
+    host: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Address to listen at; 127.0.0.1, this machine, by default.")
+    ] = None,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Do not open the browser.")] = False,
+    threads: Threads = CORES,
+    force: Force = False,
+) -> None:
+    """Play a run or BVH files in the browser, from a small server or as one page to send."""
+    from crowdsim.compilation import watch_compilation
+
+    served = {"--port": port, "--host": host, "--no-open": no_open or None}
+    if html is not None and any(value is not None for value in served.values()):
+        which = next(name for name, value in served.items() if value is not None)
+        raise CrowdsimError(f"{which} has no effect on --html, expected one of them")
+    if html is None and force:
+        raise CrowdsimError("--force has no effect without --html")
+    with _recording(thing, avatars, frames, fps, threads) as recording:
+        if html is not None:
+            from crowdsim.view.page import write_page
+
+            with Bars() as bars, watch_compilation(bars.note, ["pictures"], threads):
+                size = write_page(html, recording, force, threads, bars)
+            say(f"{html}: {size_text(size)}")
+        else:
+            _serve(recording, host, port or 0, not no_open)
+
+
+@contextmanager
+def _recording(
+    thing: Path, avatars: str | None, frames: str | None, fps: float | None, threads: int
+) -> Iterator[Recording]:
+    from crowdsim.view.bvh_motion import is_bvh, parse_people, record_bvh
+
+    if is_bvh(thing):
+        recording, findings = record_bvh(thing, fps, frames, parse_people(avatars))
+        for line in findings:
+            note(f"{thing}: {line}")
+        yield recording
+        return
+    from crowdsim.runs.opening import open_run
+    from crowdsim.runs.recorded import VIEW_FPS
+
+    with opened_run(thing) as folder:
+        run = open_run(folder)
+        for line in run.notes:
+            note(line)
+        yield run.recording(avatars, frames, fps or VIEW_FPS, threads)
+
+
+def _serve(recording: Recording, host: str | None, port: int, opens: bool) -> None:
+    from crowdsim.view.server import LOOPBACK, open_server
+
+    server = open_server(recording, host or LOOPBACK, port)
+    if host is not None and not _is_loopback(host):
+        note(f"warning: whoever reaches this machine at {host} and has the address sees this; it is not encrypted")
+    # The address is the result, also where nothing else is said.
+    print(server.address, flush=True)
+    note("Ctrl-C ends it")
+    if opens and not _open_browser(server.address):
+        note("no browser could be opened: open the address in one")
+    server.serve()
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _open_browser(address: str) -> bool:
+    """Open a browser with a window; whether there is one."""
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        return False
+    try:
+        return webbrowser.open(address)
+    except webbrowser.Error:
+        return False

@@ -1,0 +1,1 @@
+"""The player in a browser: recordings of runs and BVH files, the page that plays them, and the server of the page."""

@@ -1,0 +1,207 @@
+// Bodies: forward kinematics between two recorded frames, and the capsules on the joints.
+
+const FLOATS = 12; // of a capsule: an end and its radius, the other end and its radius, linear colour and gloss
+const MARKER_RADIUS = 0.13, MARKER_PAINT = [0.85, 0.5, 0.03, 0.3];
+
+function rotate(out, o, q, i, x, y, z) {
+  const w = q[i], a = q[i + 1], b = q[i + 2], c = q[i + 3];
+  const u = 2 * (b * z - c * y), v = 2 * (c * x - a * z), t = 2 * (a * y - b * x);
+  out[o] = x + w * u + b * t - c * v;
+  out[o + 1] = y + w * v + c * u - a * t;
+  out[o + 2] = z + w * t + a * v - b * u;
+}
+
+class Crowd {
+  constructor(recording) {
+    this.recording = recording;
+    const scene = this.scene = recording.scene, tables = scene.tables;
+    this.count = tables.figure.length;
+    let most = 0;
+    this.columns = new Int32Array(this.count);
+    for (const figure of scene.figures) {
+      figure.avatars.forEach((avatar, column) => { this.columns[avatar] = column; });
+      const { starts, ends } = figure.capsules, n = figure.capsules.joints.length;
+      for (let k = 0; k < n; k++) {
+        // A capsule of no length has no axis.
+        if ([0, 1, 2].every(i => Math.abs(starts[3 * k + i] - ends[3 * k + i]) < 1e-4)) ends[3 * k + 1] += 5e-4;
+      }
+      most = Math.max(most, figure.joints.length);
+      this.capsules = (this.capsules || 0) + n * figure.avatars.length;
+    }
+    this.capsules += scene.targets.length;
+    this.positions = new Float64Array(3 * most);
+    this.rotations = new Float64Array(4 * most);
+    this.shapes = new Float32Array(FLOATS * Math.max(this.capsules, 1));
+    this.owners = new Int32Array(Math.max(this.capsules, 1));
+    this.drawn = 0;
+    // Of each avatar that is there: root, head and where it looks; NaN of others.
+    this.roots = new Float32Array(3 * this.count).fill(NaN);
+    this.heads = new Float32Array(3 * this.count).fill(NaN);
+    this.facing = new Float32Array(3 * this.count);
+    // Feet of figures whose contacts are known.
+    this.feet = tables.contact ? [] : null;
+    this.paints = new Float32Array(tables.paint.length);
+    // Bytes are the square roots of light; gloss is as it is.
+    tables.paint.forEach((value, i) => { this.paints[i] = i % 4 === 3 ? value / 255 : (value / 255) ** 2; });
+    this.stays = Array.from({ length: this.count }, () => []);
+    for (let i = 0; i < tables.present.length; i += 3)
+      this.stays[tables.present[i]].push([tables.present[i + 1], tables.present[i + 2]]);
+  }
+
+  isPresent(avatar, frame) {
+    return this.stays[avatar].some(([start, stop]) => frame >= start && frame < stop);
+  }
+
+  // Finds both frames around a time [frames]; null while a block is being unpacked.
+  around(at) {
+    const last = this.scene.frames - 1, before = Math.min(Math.max(Math.floor(at), 0), last);
+    const low = this.recording.row(before), high = this.recording.row(Math.min(before + 1, last));
+    return low && high ? { low, high, before, part: Math.min(Math.max(at - before, 0), 1) } : null;
+  }
+
+  // Writes world positions and rotations of an avatar's joints; whether it is there.
+  pose(avatar, moment) {
+    if (!this.isPresent(avatar, moment.before)) return false;
+    const stays = this.isPresent(avatar, moment.before + 1), part = stays ? moment.part : 0;
+    const index = this.scene.tables.figure[avatar], figure = this.scene.figures[index], column = this.columns[avatar];
+    const J = figure.joints.length, M = figure.moving.length;
+    const low = moment.low.parts[index], high = moment.high.parts[index];
+    const p = low.rotations, q = high.rotations, u = low.places, v = high.places;
+    let a = moment.low.row * low.rotationStride + 4 * column * J;
+    let b = moment.high.row * high.rotationStride + 4 * column * J;
+    const c = moment.low.row * low.placeStride + 3 * column * M, d = moment.high.row * high.placeStride + 3 * column * M;
+    const { scale, stretch } = this.scene.tables, P = this.positions, R = this.rotations, rest = 1 - part;
+    for (let j = 0, m = 0; j < J; j++, a += 4, b += 4) {
+      const dot = p[a] * q[b] + p[a + 1] * q[b + 1] + p[a + 2] * q[b + 2] + p[a + 3] * q[b + 3];
+      const other = dot < 0 ? -part : part;
+      let w = p[a] * rest + q[b] * other, x = p[a + 1] * rest + q[b + 1] * other;
+      let y = p[a + 2] * rest + q[b + 2] * other, z = p[a + 3] * rest + q[b + 3] * other;
+      const over = 1 / (Math.sqrt(w * w + x * x + y * y + z * z) || 1);
+      w *= over; x *= over; y *= over; z *= over;
+      let ox, oy, oz;
+      const parent = figure.parents[j];
+      if (figure.moving[m] === j) {
+        ox = u[c + 3 * m] * rest + v[d + 3 * m] * part;
+        oy = u[c + 3 * m + 1] * rest + v[d + 3 * m + 1] * part;
+        oz = u[c + 3 * m + 2] * rest + v[d + 3 * m + 2] * part;
+        m++;
+      } else {
+        const size = scale[avatar] * stretch[3 * avatar + figure.segments[parent]];
+        ox = figure.offsets[3 * j] * size;
+        oy = figure.offsets[3 * j + 1] * size;
+        oz = figure.offsets[3 * j + 2] * size;
+      }
+      const i = 4 * j, o = 3 * j;
+      if (parent < 0) {
+        P[o] = ox; P[o + 1] = oy; P[o + 2] = oz;
+        R[i] = w; R[i + 1] = x; R[i + 2] = y; R[i + 3] = z;
+        continue;
+      }
+      const k = 4 * parent, W = R[k], X = R[k + 1], Y = R[k + 2], Z = R[k + 3];
+      rotate(P, o, R, k, ox, oy, oz);
+      P[o] += P[3 * parent]; P[o + 1] += P[3 * parent + 1]; P[o + 2] += P[3 * parent + 2];
+      R[i] = W * w - X * x - Y * y - Z * z;
+      R[i + 1] = W * x + X * w + Y * z - Z * y;
+      R[i + 2] = W * y - X * z + Y * w + Z * x;
+      R[i + 3] = W * z + X * y - Y * x + Z * w;
+    }
+    return true;
+  }
+
+  // Poses all avatars that a view shows, or whose shadows it does, with fewer capsules the smaller they are.
+  // `near` is how far out of the picture they may be [m], `detail` how many pixels are drawn for one of the view.
+  place(moment, view, selected, near, detail) {
+    const { shapes, owners, heads, roots, facing, positions: P, rotations: R } = this;
+    const { figure: figures, scale, girth, stretch, height } = this.scene.tables;
+    let at = 0;
+    for (let avatar = 0; avatar < this.count; avatar++) {
+      roots[3 * avatar] = heads[3 * avatar] = NaN;
+      if (!this.isPresent(avatar, moment.before)) continue;
+      const figure = this.scene.figures[figures[avatar]], index = figures[avatar];
+      // The root alone says whether an avatar is in sight.
+      const part = moment.low.parts[index], place = moment.low.row * part.placeStride
+        + 3 * this.columns[avatar] * figure.moving.length;
+      const x = part.places[place], y = part.places[place + 1], z = part.places[place + 2];
+      roots[3 * avatar] = x; roots[3 * avatar + 1] = y; roots[3 * avatar + 2] = z;
+      const tall = height[avatar], pixels = view.pixels(x, y, z, 1.2 * tall + near);
+      if (pixels <= 0 && avatar !== selected) continue;
+      if (!this.pose(avatar, moment)) continue;
+      roots[3 * avatar] = P[0]; roots[3 * avatar + 1] = P[1]; roots[3 * avatar + 2] = P[2];
+      const ahead = figure.face ? figure.face.ahead : [0, 0, 1];
+      if (figure.face) {
+        const { joint, offset } = figure.face, s = scale[avatar];
+        rotate(heads, 3 * avatar, R, 4 * joint, offset[0] * s, offset[1] * s, offset[2] * s);
+        for (let i = 0; i < 3; i++) heads[3 * avatar + i] += P[3 * joint + i];
+      } else {
+        let top = 0;
+        for (let j = 1; j < figure.joints.length; j++) if (P[3 * j + 1] > P[3 * top + 1]) top = j;
+        for (let i = 0; i < 3; i++) heads[3 * avatar + i] = P[3 * top + i];
+      }
+      if (this.feet && figure.feet)
+        this.feet[avatar] = figure.feet.map(j => [P[3 * j], P[3 * j + 1], P[3 * j + 2]]);
+      rotate(facing, 3 * avatar, R, figure.face ? 4 * figure.face.joint : 0, ahead[0], ahead[1], ahead[2]);
+      const { joints, starts, ends, radii, parts, segments, swells } = figure.capsules, all = joints.length;
+      const size = pixels * tall * detail, count = size > 60 ? all : size > 24 ? Math.min(all, 17) : size > 9 ? Math.min(all, 9)
+        : Math.min(all, 4);
+      for (let k = 0; k < count; k++, at++) {
+        const o = FLOATS * at, j = joints[k], long = scale[avatar] * stretch[3 * avatar + segments[k]];
+        const wide = scale[avatar] * (swells[k] ? girth[avatar] : 1), paint = 4 * (7 * avatar + parts[k]);
+        rotate(shapes, o, R, 4 * j, starts[3 * k] * long, starts[3 * k + 1] * long, starts[3 * k + 2] * long);
+        rotate(shapes, o + 4, R, 4 * j, ends[3 * k] * long, ends[3 * k + 1] * long, ends[3 * k + 2] * long);
+        for (let i = 0; i < 3; i++) {
+          shapes[o + i] += P[3 * j + i];
+          shapes[o + 4 + i] += P[3 * j + i];
+        }
+        shapes[o + 3] = radii[2 * k] * wide;
+        shapes[o + 7] = radii[2 * k + 1] * wide;
+        for (let i = 0; i < 4; i++) shapes[o + 8 + i] = this.paints[paint + i];
+        owners[at] = avatar;
+      }
+    }
+    for (const [x, y, z] of this.targets(moment)) {
+      shapes.set([x, y, z, MARKER_RADIUS, x, y + 5e-4, z, MARKER_RADIUS, ...MARKER_PAINT], FLOATS * at);
+      owners[at++] = -1;
+    }
+    this.drawn = at;
+  }
+
+  // Where scripted targets are.
+  targets(moment) {
+    const { targets, tables, rate, fps, first } = this.scene, found = [];
+    if (!targets.length) return found;
+    const rows = tables.target.length / (3 * targets.length);
+    const at = Math.min((first + moment.before + moment.part) / fps * rate, rows - 1), low = Math.floor(at);
+    const high = Math.min(low + 1, rows - 1), part = at - low;
+    for (let k = 0; k < targets.length; k++)
+      found.push([0, 1, 2].map(i => tables.target[3 * (low * targets.length + k) + i] * (1 - part)
+        + tables.target[3 * (high * targets.length + k) + i] * part));
+    return found;
+  }
+
+  // The avatar on a ray, or within some pixels of it: of those, the one that is nearest.
+  pick(eye, way, perPixel, slack) {
+    let best = -1, nearest = Infinity;
+    for (let i = 0; i < this.drawn; i++) {
+      if (this.owners[i] < 0) continue;
+      const o = FLOATS * i, s = this.shapes;
+      const [miss, along] = missOf(eye, way, s, o);
+      if (along > 0 && along < nearest && miss < slack * perPixel * along) {
+        nearest = along;
+        best = this.owners[i];
+      }
+    }
+    return best;
+  }
+}
+
+// How far a ray misses a capsule, and how far along the ray that is.
+function missOf(eye, way, s, o) {
+  const bx = s[o + 4] - s[o], by = s[o + 5] - s[o + 1], bz = s[o + 6] - s[o + 2];
+  const ox = eye[0] - s[o], oy = eye[1] - s[o + 1], oz = eye[2] - s[o + 2];
+  const bb = bx * bx + by * by + bz * bz, bw = bx * way[0] + by * way[1] + bz * way[2];
+  const bo = bx * ox + by * oy + bz * oz, ow = ox * way[0] + oy * way[1] + oz * way[2];
+  const part = Math.min(Math.max((bo - bw * ow) / Math.max(bb - bw * bw, 1e-9), 0), 1);
+  const along = part * bw - ow;
+  const x = ox + way[0] * along - bx * part, y = oy + way[1] * along - by * part, z = oz + way[2] * along - bz * part;
+  return [Math.hypot(x, y, z) - (s[o + 3] + (s[o + 7] - s[o + 3]) * part), along];
+}

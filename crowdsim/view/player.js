@@ -1,0 +1,350 @@
+// The player: time, input, and a picture whenever something has changed.
+
+const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
+const KEYS = [
+  ['Space', 'play or pause'], ['← →', 'one control frame back or ahead; with Shift one second'],
+  [', .', 'previous or next strike that landed, of the chosen avatar where one is chosen'],
+  ['; :', 'previous or next avatar that goes down'], ['Home End', 'begin or end'], ['[ ]', 'slower or faster'], ['L', 'loop'],
+  ['1 to 9', 'cameras in their order'], ['W A S D', 'move the camera over the floor'], ['Q E', 'turn around the target'],
+  ['R F', 'look from higher up or lower down'], ['+ −', 'nearer or further'],
+  ['N P', 'next or previous avatar'], ['V', 'follow the chosen avatar'], ['B', 'see with its eyes'], ['Esc', 'choose none'],
+  ['T', 'names'], ['M', 'marks of strikes'], ['J', 'joints of the chosen avatar with their names'], ['C', 'copy the camera as YAML'],
+  ['?', 'these keys'],
+];
+const POINTING = [
+  ['drag', 'turn around the target; one finger'], ['right drag, Shift and drag', 'move over the floor; two fingers'],
+  ['wheel', 'nearer or further; two fingers'], ['click', 'choose an avatar, or none'], ['double click', 'follow an avatar'],
+];
+
+class Player {
+  constructor(recording) {
+    const { scene } = recording;
+    Object.assign(this, { recording, scene, playing: false, speed: 1, selected: -1, dirty: true, fine: 0, last: 0, failed: '' });
+    this.start = scene.first / scene.fps;
+    this.end = (scene.first + scene.frames - 1) / scene.fps;
+    this.time = this.start;
+    this.crowd = new Crowd(recording);
+    this.facts = new Facts(scene);
+    this.camera = new Camera(scene);
+    this.painter = new Painter(element('picture'), this.crowd);
+    this.overlay = new Overlay(element('overlay'), this.crowd, this.facts);
+    this.panel = new Panel(this.crowd, this.facts);
+    this.timeline = new Timeline(element('strip'), this.facts);
+    this.options = { labels: scene.names.length <= 4, marks: true, joints: false };
+    element('labels').checked = this.options.labels;
+    this.dark = matchMedia('(prefers-color-scheme: dark)');
+    this.dark.addEventListener('change', () => this.change());
+    this.controls();
+    this.pointers();
+    this.keys();
+    new ResizeObserver(() => this.change()).observe(element('picture'));
+    requestAnimationFrame(now => this.tick(now));
+  }
+
+  change() { this.dirty = true; }
+
+  seek(seconds) {
+    this.time = clamp(seconds, this.start, this.end);
+    this.camera.followed = null;
+    this.change();
+  }
+
+  play(playing) {
+    if (playing && this.time >= this.end) this.seek(this.start);
+    this.playing = playing;
+    this.painter.times = [];
+    element('play').textContent = playing ? 'Pause' : 'Play';
+    this.change();
+  }
+
+  // Steps from one control frame to another, whatever lies between.
+  step(frames) {
+    const rate = this.scene.rate, at = this.time * rate;
+    this.play(false);
+    this.seek((frames > 0 ? Math.floor(at + 1e-4) + frames : Math.ceil(at - 1e-4) + frames) / rate);
+  }
+
+  select(avatar) {
+    this.selected = avatar;
+    if (avatar >= 0 && avatar !== this.camera.avatar) {
+      this.camera.avatar = avatar;
+      this.camera.followed = null;
+    }
+    element('avatar').value = avatar;
+    this.change();
+  }
+
+  chooseCamera(choice) {
+    if (choice < 0 || choice >= this.camera.choices.length) return;
+    if (['follow', 'eye'].includes(this.camera.choices[choice].kind) && this.selected < 0) this.select(this.firstSeen());
+    this.camera.choose(choice, this.view);
+    this.change();
+  }
+
+  firstSeen() {
+    const frame = Math.round(this.time * this.scene.fps) - this.scene.first;
+    return Math.max(0, this.scene.names.findIndex((_, avatar) => this.crowd.isPresent(avatar, frame)));
+  }
+
+  chooseSpeed(speed) {
+    this.speed = speed;
+    element('speed').value = speed;
+  }
+
+  async copyCamera() {
+    const text = this.camera.yaml(this.view), button = element('copy');
+    try {
+      await navigator.clipboard.writeText(text);
+      button.textContent = 'Copied';
+    } catch {
+      // Pages from files may not reach the clipboard: the text is there to be copied by hand.
+      const dialog = element('keys'), box = make('textarea', text);
+      Object.assign(box, { rows: 4, cols: 60, readOnly: true });
+      dialog.replaceChildren(make('h2', 'Camera'), box, this.closing());
+      dialog.showModal();
+      box.select();
+    }
+    setTimeout(() => { button.textContent = 'Copy camera'; }, 1500);
+    return text;
+  }
+
+  closing() {
+    const form = make('form', '', make('button', 'Close'));
+    form.method = 'dialog';
+    return make('p', '', form);
+  }
+
+  showKeys() {
+    const table = make('table'), dialog = element('keys');
+    for (const [keys, text] of [...KEYS, ...POINTING]) table.append(make('tr', '', make('td', '', make('kbd', keys)), make('td', text)));
+    dialog.replaceChildren(make('h2', 'Keys and pointer'), table, this.closing());
+    dialog.showModal();
+  }
+
+  controls() {
+    const on = (id, event, act) => element(id).addEventListener(event, act);
+    const scrub = element('scrub'), strip = element('strip');
+    Object.assign(scrub, { min: this.start, max: this.end });
+    on('scrub', 'input', () => this.seek(Number(scrub.value)));
+    on('play', 'click', () => this.play(!this.playing));
+    on('back', 'click', () => this.step(-1));
+    on('ahead', 'click', () => this.step(1));
+    for (const speed of SPEEDS) element('speed').append(new Option(`${speed} ×`, speed, speed === 1, speed === 1));
+    on('speed', 'change', () => this.chooseSpeed(Number(element('speed').value)));
+    this.camera.choices.forEach((choice, i) => { element('camera').append(new Option(`${i + 1} ${choice.name}`, i)); });
+    on('camera', 'change', () => this.chooseCamera(Number(element('camera').value)));
+    on('avatar', 'change', () => this.select(Number(element('avatar').value)));
+    for (const option of ['labels', 'marks']) on(option, 'change', () => this.set(option, element(option).checked));
+    on('copy', 'click', () => this.copyCamera());
+    on('help', 'click', () => this.showKeys());
+    let held = false;
+    const go = event => this.seek(this.timeline.jump(event.offsetX, strip.clientWidth, this.selected));
+    on('strip', 'pointerdown', event => {
+      held = true;
+      strip.setPointerCapture(event.pointerId);
+      go(event);
+    });
+    on('strip', 'pointermove', event => { if (held) this.seek(this.timeline.at(event.offsetX, strip.clientWidth)); });
+    for (const event of ['pointerup', 'pointercancel']) on('strip', event, () => { held = false; });
+  }
+
+  set(option, value) {
+    this.options[option] = value;
+    const box = element(option);
+    if (box) box.checked = value;
+    this.change();
+  }
+
+  pick(event) {
+    if (!this.view) return -1;
+    const view = this.view, way = view.ray(event.offsetX, event.offsetY);
+    return this.crowd.pick(view.eye, way, 2 * view.tall / view.height, event.pointerType === 'touch' ? 16 : 4);
+  }
+
+  pointers() {
+    const canvas = element('picture'), down = new Map();
+    let moved = 0, spread = 0;
+    canvas.addEventListener('contextmenu', event => event.preventDefault());
+    canvas.addEventListener('pointerdown', event => {
+      canvas.setPointerCapture(event.pointerId);
+      down.set(event.pointerId, [event.clientX, event.clientY]);
+      if (down.size === 1) moved = 0;
+      spread = 0;
+    });
+    canvas.addEventListener('pointermove', event => {
+      const before = down.get(event.pointerId);
+      if (!before || !this.view) return;
+      const dx = event.clientX - before[0], dy = event.clientY - before[1];
+      down.set(event.pointerId, [event.clientX, event.clientY]);
+      moved += Math.abs(dx) + Math.abs(dy);
+      if (moved < 4) return;
+      this.camera.grab(this.view);
+      if (down.size > 1) {
+        // Of two fingers each moves half of it; what is between them is how near the camera is.
+        this.drag(0.5 * dx, 0.5 * dy);
+        const [[a, b], [c, d]] = [...down.values()], now = Math.hypot(a - c, b - d);
+        if (spread && now) this.camera.zoom(spread / now);
+        spread = now;
+      } else if (event.buttons & 2 || event.buttons & 4 || event.shiftKey) this.drag(dx, dy);
+      else this.camera.turn(-0.006 * dx, 0.006 * dy);
+      this.change();
+    });
+    for (const name of ['pointerup', 'pointercancel']) canvas.addEventListener(name, event => {
+      if (name === 'pointerup' && down.size === 1 && moved < 4 && event.button === 0) this.select(this.pick(event));
+      down.delete(event.pointerId);
+      spread = 0;
+    });
+    canvas.addEventListener('dblclick', event => {
+      const avatar = this.pick(event);
+      if (avatar < 0) return;
+      this.select(avatar);
+      this.chooseCamera(this.camera.find('follow'));
+    });
+    canvas.addEventListener('wheel', event => {
+      event.preventDefault();
+      if (!this.view) return;
+      this.camera.grab(this.view);
+      this.camera.zoom(Math.exp(clamp(event.deltaY * (event.deltaMode ? 30 : 1), -300, 300) * 0.0015));
+      this.change();
+    }, { passive: false });
+  }
+
+  // Moves the floor with the pointer.
+  drag(dx, dy) {
+    const metres = this.camera.orbit.distance / this.view.focal, slope = Math.max(Math.sin(Math.abs(this.camera.orbit.pitch)), 0.3);
+    this.camera.pan(-dx * metres, dy * metres / slope);
+  }
+
+  // The next or previous of times.
+  jumpTo(times, ahead) {
+    const found = ahead ? times.filter(time => time > this.time + 1e-3) : times.filter(time => time < this.time - 1e-3);
+    if (found.length) this.seek(ahead ? Math.min(...found) : Math.max(...found));
+  }
+
+  keys() {
+    const turn = (yaw, pitch) => { this.camera.grab(this.view); this.camera.turn(yaw, pitch); };
+    const pan = (right, ahead) => {
+      this.camera.grab(this.view);
+      this.camera.pan(0.06 * right * this.camera.orbit.distance, 0.06 * ahead * this.camera.orbit.distance);
+    };
+    const zoom = factor => { this.camera.grab(this.view); this.camera.zoom(factor); };
+    const next = step => {
+      const count = this.scene.names.length, none = step > 0 ? -1 : 0;
+      this.select(((this.selected < 0 ? none : this.selected) + step + count) % count);
+    };
+    const speed = step => this.chooseSpeed(SPEEDS[clamp(SPEEDS.indexOf(this.speed) + step, 0, SPEEDS.length - 1)]);
+    const events = kind => this.timeline.events(this.selected)[kind];
+    const acts = {
+      ' ': () => this.play(!this.playing),
+      arrowleft: event => (event.shiftKey ? this.seek(this.time - 1) : this.step(-1)),
+      arrowright: event => (event.shiftKey ? this.seek(this.time + 1) : this.step(1)),
+      ',': () => this.jumpTo(events('strikes'), false), '.': () => this.jumpTo(events('strikes'), true),
+      ';': () => this.jumpTo(events('downs'), false), ':': () => this.jumpTo(events('downs'), true),
+      home: () => this.seek(this.start), end: () => this.seek(this.end),
+      '[': () => speed(-1), ']': () => speed(1), l: () => element('loop').click(),
+      w: () => pan(0, 1), s: () => pan(0, -1), a: () => pan(-1, 0), d: () => pan(1, 0),
+      q: () => turn(-0.12, 0), e: () => turn(0.12, 0), r: () => turn(0, 0.08), f: () => turn(0, -0.08),
+      '+': () => zoom(1 / 1.15), '=': () => zoom(1 / 1.15), '-': () => zoom(1.15),
+      n: () => next(1), p: () => next(-1), escape: () => this.select(-1),
+      v: () => this.chooseCamera(this.camera.find('follow')), b: () => this.chooseCamera(this.camera.find('eye')),
+      t: () => this.set('labels', !this.options.labels), m: () => this.set('marks', !this.options.marks),
+      j: () => this.set('joints', !this.options.joints), c: () => this.copyCamera(), '?': () => this.showKeys(),
+    };
+    addEventListener('keydown', event => {
+      if (event.ctrlKey || event.metaKey || event.altKey || !this.view || element('keys').open) return;
+      const { target } = event, key = event.key.toLowerCase();
+      // Elements keep the keys that they need.
+      if (target.tagName === 'SELECT' || target.tagName === 'TEXTAREA') return;
+      if (key === ' ' && ['BUTTON', 'INPUT'].includes(target.tagName) && target.id !== 'scrub') return;
+      if (/^[1-9]$/.test(key)) this.chooseCamera(Number(key) - 1);
+      else if (Object.hasOwn(acts, key)) acts[key](event);
+      else return;
+      event.preventDefault();
+      this.change();
+    });
+  }
+
+  fail(error) {
+    this.failed = error.message;
+    if (this.playing) this.play(false);
+    const message = element('message');
+    message.textContent = error.message;
+    message.hidden = false;
+    this.dirty = false;
+  }
+
+  tick(now) {
+    requestAnimationFrame(later => this.tick(later));
+    const passed = Math.min(now - this.last, 250);
+    if (this.playing && this.last) {
+      this.painter.pace(now - this.last);
+      this.time += passed / 1000 * this.speed;
+      if (this.time > this.end) {
+        if (element('loop').checked) this.seek(this.start);
+        else {
+          this.time = this.end;
+          this.play(false);
+        }
+      }
+    }
+    this.last = now;
+    const waits = this.fine && now > this.fine;
+    if (!this.playing && !this.dirty && !waits) return;
+    this.draw(passed / 1000, waits);
+  }
+
+  draw(passed, fine) {
+    const canvas = element('picture'), width = canvas.clientWidth, height = canvas.clientHeight, { scene } = this;
+    if (!width || !height) return;
+    const moment = this.crowd.around(this.time * scene.fps - scene.first);
+    if (!moment) {
+      // The block that is missing has been asked for; what it says when it fails is shown.
+      const number = Math.floor(clamp(this.time * scene.fps - scene.first, 0, scene.frames - 1) / scene.block);
+      for (const one of [number, number + 1]) this.recording.load(one, true)?.promise.catch(error => this.fail(error));
+      return;
+    }
+    const ahead = this.recording.load(Math.floor(moment.before / scene.block) + 1, false);
+    ahead?.promise.catch(() => {});
+    this.dirty = false;
+    if (this.failed) {
+      this.failed = '';
+      element('message').hidden = true;
+    }
+    this.painter.theme = this.dark.matches ? 'dark' : 'light';
+    this.view = this.camera.view(this.crowd, this.time, passed, width, height);
+    const onAvatar = ['follow', 'eye'].includes(this.camera.kind), detail = fine ? 1 : (this.painter.width || width) / width;
+    this.crowd.place(moment, this.view, onAvatar ? this.camera.avatar : this.selected, 3, detail);
+    // A camera on an avatar needs to know where that is now.
+    if (onAvatar) {
+      this.view = this.camera.view(this.crowd, this.time, this.playing ? passed : 0, width, height);
+      this.crowd.place(moment, this.view, this.camera.avatar, 3, detail);
+    }
+    // While it stands still, the picture is as fine as can be, once nothing has changed for a moment.
+    this.painter.draw(this.view, Boolean(fine), this.options.marks ? this.time : null);
+    this.fine = this.playing || fine ? 0 : this.last + 150;
+    this.overlay.draw(this.view, moment, this.time, { ...this.options, selected: this.selected, dark: this.dark.matches });
+    this.panel.update(this.selected, this.time, moment.before);
+    this.timeline.draw(this.time, this.selected);
+    element('scrub').value = this.time;
+    element('camera').value = this.camera.choice;
+    element('clock').textContent = `${this.time.toFixed(2)} s, ${scene.kind === 'bvh' ? 'frame' : 'control frame'} ${Math.floor(this.time * scene.rate + 1e-4)}`;
+    this.drawn = (this.drawn || 0) + 1;
+    document.documentElement.dataset.state = 'shown';
+  }
+}
+
+(async () => {
+  const message = element('message');
+  try {
+    if (typeof DecompressionStream === 'undefined')
+      throw Error('This browser cannot unpack the recording; any version of Firefox, Chrome, Edge or Safari since 2023 can.');
+    const player = new Player(await openRecording());
+    player.play(!matchMedia('(prefers-reduced-motion: reduce)').matches);
+    // For programs that drive the page.
+    globalThis.crowdsimPlayer = player;
+  } catch (error) {
+    message.textContent = error.message;
+    message.hidden = false;
+    document.documentElement.dataset.state = 'failed';
+  }
+})();

@@ -1,0 +1,231 @@
+"""Recordings: motion of a crowd at a frame rate with all that the player shows of it, posed block by block."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from crowdsim.core.types import Array, Progress
+from crowdsim.motion.body import Body
+from crowdsim.motion.skeleton import Skeleton
+from crowdsim.poses.capsules import swelling_capsules
+from crowdsim.poses.facing import face_direction
+from crowdsim.render.camera import Track, build_track
+from crowdsim.render.crowd_path import Crowd
+from crowdsim.render.figure import Figure, dress, figure_segments
+from crowdsim.render.source import PoseSource
+from crowdsim.view.blocks import STEP, pack_block, pack_tables, rotation_bits
+
+FORMAT, VERSION = "crowdsim-recording", 1
+OUTSIDE = -1_000_000
+"""Number of an avatar that the recording does not hold."""
+_AVATAR_FRAMES, _LEAST_FRAMES = 200_000, 10
+"""Most avatar-frames of a block, and its least number of frames."""
+_TRACK_STEP, _SIZE = 0.2, (1280, 720)
+"""Time between the moments of a camera's track [s], and size of the picture that cameras frame the crowd for."""
+_CAMERAS = ("auto", "side", "front", "top", "orbit")
+_FEW = range(2, 5)
+"""Numbers of avatars for which ``auto`` is ``fight``, whose plan takes seconds."""
+
+
+class Motion(Protocol):
+    """Motion that is recorded.
+
+    Attributes:
+        fps: Frames a second.
+        first: First frame, at the time ``first / fps``.
+        frames: Number of frames.
+        bits: Bits of the rotations of each figure's joints. Length of figures, each (J,).
+        avatars: Number of avatars.
+    """
+
+    fps: float
+    first: int
+    frames: int
+    bits: list[Array]
+    avatars: int
+
+    def poses(self, start: int, stop: int) -> list[tuple[Array, Array]]:
+        """Return poses of frames ``start`` to ``stop``, counted from the first: see ``blocks.pack_block``."""
+
+    def describe(self) -> tuple[dict[str, Any], dict[str, Array]]:
+        """Return what the player shows beside motion: a document, and tables by name."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Motion in blocks.
+
+    Attributes:
+        motion: The motion.
+        name: What it is called.
+        cameras: Cameras by name, beside those that the viewer moves.
+        block_seconds: Length of a block [s], where that is not too much for a large crowd. Long ones take less room,
+            short ones are there sooner.
+    """
+
+    motion: Motion
+    name: str
+    cameras: Mapping[str, tuple[Array, dict[str, Any]]]
+    block_seconds: float = 5.0
+
+    @property
+    def block_frames(self) -> int:
+        """Number of frames of a block."""
+        most = _AVATAR_FRAMES // max(1, self.motion.avatars)
+        return max(_LEAST_FRAMES, min(round(self.block_seconds * self.motion.fps), most))
+
+    @property
+    def block_count(self) -> int:
+        """Number of blocks."""
+        return -(-self.motion.frames // self.block_frames)
+
+    def scene(self) -> bytes:
+        """Return what the player shows beside motion, packed."""
+        motion = self.motion
+        document, tables = motion.describe()
+        tracks = {f"camera_{i}": track for i, (track, _) in enumerate(self.cameras.values())}
+        return pack_tables(
+            {
+                "format": FORMAT,
+                "version": VERSION,
+                "name": self.name,
+                "fps": motion.fps,
+                "first": motion.first,
+                "frames": motion.frames,
+                "block": self.block_frames,
+                "step": STEP,
+                "track_step": _TRACK_STEP,
+                "cameras": [{"name": name, **keys} for name, (_, keys) in self.cameras.items()],
+                **document,
+            },
+            {**tables, **tracks},
+        )
+
+    def block(self, number: int) -> bytes:
+        """Return a block of poses, packed; numbers begin at 0."""
+        return pack_block(self._poses(number))
+
+    def _poses(self, number: int) -> list[tuple[Array, Array, Array]]:
+        start = number * self.block_frames
+        poses = self.motion.poses(start, min(start + self.block_frames, self.motion.frames))
+        return [(bits, *one) for bits, one in zip(self.motion.bits, poses, strict=True)]
+
+    def blocks(self, threads: int = 1, progress: Progress | None = None) -> Iterator[str]:
+        """Yield all blocks in base64, the next ones posed while one is packed."""
+        count = self.block_count
+        with ThreadPoolExecutor(max(1, min(threads, 2))) as pool:
+            waiting = [pool.submit(_encode, self._poses(0))]
+            for number in range(count):
+                if number + 1 < count:
+                    waiting.append(pool.submit(_encode, self._poses(number + 1)))
+                yield waiting.pop(0).result()
+                if progress is not None:
+                    progress("page", number + 1, count)
+
+
+def _encode(parts: list[tuple[Array, Array, Array]]) -> str:
+    return base64.b64encode(pack_block(parts)).decode("ascii")
+
+
+def joint_reaches(skeleton: Skeleton, figure: Figure) -> Array:
+    """Return how far a body reaches beyond each of its joints [m]. Shape (J,)."""
+    reaches = np.zeros(skeleton.joint_count)
+    ends = np.maximum(
+        np.linalg.norm(figure.capsule_starts, axis=1), np.linalg.norm(figure.capsule_ends, axis=1)
+    ) + np.max(figure.capsule_radii, axis=1, initial=0.0)
+    np.maximum.at(reaches, figure.capsule_joints, ends)
+    if len(skeleton.end_parents):
+        np.maximum.at(reaches, skeleton.end_parents, np.linalg.norm(skeleton.end_offsets, axis=1))
+    lengths = np.linalg.norm(skeleton.offsets, axis=1)
+    for joint in range(skeleton.joint_count - 1, 0, -1):
+        parent = int(skeleton.parents[joint])
+        reaches[parent] = max(reaches[parent], lengths[joint] + reaches[joint])
+    return reaches
+
+
+def describe_figure(skeleton: Skeleton, figure: Figure, segments: Array, moving: Sequence[int]) -> dict[str, Any]:
+    """Return a figure as the player wants it: its joints, and its capsules with the largest first.
+
+    Args:
+        skeleton: Its skeleton.
+        figure: Its capsules, a ``Body`` with face and trunks.
+        segments: Which bones each of its joints carries, see ``builds.joint_segments``. Shape (J,).
+        moving: Joints whose positions are recorded.
+    """
+    dressed, lie_on = dress(figure), figure_segments(figure)
+    lengths = np.linalg.norm(dressed.capsule_ends - dressed.capsule_starts, axis=1)
+    wide = np.max(dressed.capsule_radii, axis=1)
+    order = np.argsort(-(lengths + 1.6 * wide) * wide, kind="stable")
+    parts = dressed.capsule_parts[order]
+    described = {
+        "joints": list(skeleton.names),
+        "parents": [int(parent) for parent in skeleton.parents],
+        "offsets": _flat(skeleton.offsets),
+        "segments": [int(segment) for segment in segments],
+        "bits": rotation_bits(joint_reaches(skeleton, dressed)).tolist(),
+        "moving": list(moving),
+        "capsules": {
+            "joints": dressed.capsule_joints[order].tolist(),
+            "starts": _flat(dressed.capsule_starts[order]),
+            "ends": _flat(dressed.capsule_ends[order]),
+            "radii": _flat(dressed.capsule_radii[order]),
+            "parts": parts.tolist(),
+            "segments": lie_on[order].tolist(),
+            "swells": swelling_capsules(parts).astype(int).tolist(),
+        },
+    }
+    if isinstance(figure, Body):
+        roles = figure.roles
+        described["face"] = {
+            "joint": int(roles["head"]),
+            "offset": _flat(figure.head_offset),
+            "ahead": _flat(face_direction(figure)),
+        }
+        described["feet"] = [int(roles["left_foot"]), int(roles["right_foot"])]
+    return described
+
+
+def _flat(values: Array) -> list[float]:
+    return [round(float(value), 5) for value in np.asarray(values, float).ravel()]
+
+
+def plan_cameras(
+    source: PoseSource, crowd: Crowd, first: int, frames: int, whole: bool
+) -> tuple[dict[str, tuple[Array, dict[str, Any]]], Array]:
+    """Return the cameras that frame the crowd, those of its scenario too, and the direction to the sun.
+
+    Args:
+        source: The crowd, at the rate of the recording.
+        crowd: Where those avatars are that are recorded.
+        first: First frame that is recorded.
+        frames: Number of frames.
+        whole: Whether all avatars are recorded; other cameras are left out where they are not.
+
+    Returns:
+        By name a track, at every ``_TRACK_STEP`` eye, direction, field [rad] and haze [m], shape (M, 8), and the keys
+        of the camera in a scenario.
+    """
+    found: dict[str, tuple[Array, dict[str, Any]]] = {}
+    names = [name for name in _CAMERAS if whole or name != "auto"]
+    if len(crowd.present) in _FEW:
+        names.remove("auto") if "auto" in names else None
+    moments = first + np.arange(0.0, frames + _TRACK_STEP * source.fps, _TRACK_STEP * source.fps)
+    moments = np.minimum(moments, first + frames - 1)
+    tracks: dict[str, tuple[Track, dict[str, Any]]] = {
+        name: (build_track(source, name, _SIZE, crowd), {"kind": name}) for name in names
+    }
+    for name, camera in source.cameras.items() if whole else ():
+        if camera.kind != "fight" and not (camera.kind == "auto" and len(crowd.present) in _FEW):
+            keys = camera.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+            tracks[name] = build_track(source, camera, _SIZE, crowd), {**keys, "kind": camera.kind}
+    for name, (track, keys) in tracks.items():
+        views = [track.view(float(moment)) for moment in moments]
+        rows = [[*view.eye, *view.ahead, view.field, view.haze] for view in views]
+        found[name] = np.array(rows, np.float32), keys
+    return found, tracks[names[0]][0].sun

@@ -1,0 +1,181 @@
+"""The server of the player: the page, and a recording that is posed block by block while it is seen.
+
+It listens on this machine only, unless it is told otherwise. Its address has a token, without which nothing is
+answered; requests of other pages, and under names that others could have made mean this machine, are refused.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import secrets
+import socket
+import threading
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from crowdsim.errors import CrowdsimError
+from crowdsim.view.page import embedded, page_head, program
+from crowdsim.view.recording import Recording
+
+if TYPE_CHECKING:
+    from starlette.applications import Starlette
+    from starlette.requests import Request
+    from starlette.responses import Response
+
+LOOPBACK = "127.0.0.1"
+_BLOCK_SECONDS = 1.0
+"""Length of the blocks that are posed one by one [s]."""
+_HEADERS = {
+    "Cache-Control": "no-store",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+}
+
+
+@dataclass(frozen=True)
+class Server:
+    """A server that listens already.
+
+    Attributes:
+        app: What answers requests.
+        socket: Where it listens.
+        address: Address of the page, token included.
+    """
+
+    app: Starlette
+    socket: socket.socket
+    address: str
+
+    def serve(self) -> None:
+        """Answer requests until a signal comes."""
+        import uvicorn
+
+        config = uvicorn.Config(
+            self.app, log_level="error", access_log=False, lifespan="off", server_header=False,
+            timeout_graceful_shutdown=1,
+        )  # fmt: skip
+        uvicorn.Server(config).run(sockets=[self.socket])
+
+
+def open_server(recording: Recording, host: str = LOOPBACK, port: int = 0) -> Server:
+    """Return a server of a recording, which listens.
+
+    Args:
+        recording: The recording.
+        host: Address or name to listen at.
+        port: Port; one that is free when 0.
+
+    Raises:
+        CrowdsimError: Packages are missing, or the port is in use or cannot be had.
+    """
+    try:
+        import starlette
+        import uvicorn  # noqa: F401
+    except ImportError as error:
+        raise CrowdsimError(
+            f"package {error.name!r} is missing, which serves the player: pip install 'crowdsim[view]'; "
+            "--html FILE writes a page without it"
+        ) from None
+    assert starlette
+    listening = _listen(host, port)
+    token = secrets.token_urlsafe(16)
+    number = listening.getsockname()[1]
+    shown = LOOPBACK if host in ("0.0.0.0", "::") else host
+    shown = f"[{shown}]" if ":" in shown else shown
+    return Server(build_app(recording, token, host, number), listening, f"http://{shown}:{number}/{token}/")
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    try:
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        listening = socket.socket(found[0], socket.SOCK_STREAM)
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind(found[4])
+        listening.listen(64)
+    except OSError as error:
+        remedy = "; --port names another one" if port else ""
+        raise CrowdsimError(f"cannot listen at {host} port {port}: {error.strerror or error}{remedy}") from None
+    return listening
+
+
+def build_app(recording: Recording, token: str, host: str, port: int) -> Starlette:
+    """Return what answers requests for a recording.
+
+    Args:
+        recording: The recording.
+        token: First part of every path.
+        host: Where it listens; requests name it, or this machine.
+        port: Its port.
+    """
+    from starlette.applications import Starlette
+    from starlette.responses import PlainTextResponse, Response
+    from starlette.routing import Route
+
+    recording = replace(recording, block_seconds=_BLOCK_SECONDS)
+    posing = threading.Lock()
+    page = f"{page_head(recording.name, connects=chr(39) + 'self' + chr(39))}{embedded({})}{program()}"
+
+    def checked(answer: Any) -> Any:
+        def endpoint(request: Request) -> Response:
+            fault = _fault(request, token, host, port)
+            found = PlainTextResponse(f"{fault}\n", 403) if fault else answer(request)
+            found.headers.update(_HEADERS)
+            return found
+
+        return endpoint
+
+    def show(request: Request) -> Response:
+        return Response(page, media_type="text/html; charset=utf-8")
+
+    def scene(request: Request) -> Response:
+        with posing:
+            return Response(recording.scene(), media_type="application/octet-stream")
+
+    def block(request: Request) -> Response:
+        number = request.path_params["number"]
+        if number >= recording.block_count:
+            return PlainTextResponse(f"block {number}: expected 0 to {recording.block_count - 1}\n", 404)
+        with posing:
+            return Response(recording.block(number), media_type="application/octet-stream")
+
+    def other(request: Request) -> Response:
+        return PlainTextResponse("there is no such page\n", 404)
+
+    routes = [
+        Route("/{token}/", checked(show)),
+        Route("/{token}/scene", checked(scene)),
+        Route("/{token}/block/{number:int}", checked(block)),
+        Route("/{path:path}", checked(other)),
+    ]
+    return Starlette(routes=routes)
+
+
+def _fault(request: Request, token: str, host: str, port: int) -> str:
+    """Return why a request is refused; nothing where it is answered."""
+    name = request.headers.get("host", "")
+    if not _is_own(name, host, port):
+        return "this name does not mean this server"
+    origin = request.headers.get("origin")
+    if origin is not None and origin != f"http://{name}":
+        return "requests of other pages are refused"
+    if not secrets.compare_digest(request.url.path.split("/")[1].encode(), token.encode()):
+        return "the address lacks its token: crowdsim view prints the whole address"
+    return ""
+
+
+def _is_own(name: str, host: str, port: int) -> bool:
+    """Whether a Host header names this server: by what it listens at, or by an address, which no one else can bend."""
+    bare, _, number = name.rpartition(":")
+    if number != str(port):
+        return False
+    if bare in (host, "localhost", LOOPBACK, "[::1]"):
+        return True
+    if host in (LOOPBACK, "localhost", "::1"):
+        return False
+    try:
+        ipaddress.ip_address(bare.strip("[]"))
+    except ValueError:
+        return bare.lower() == socket.gethostname().lower()
+    return True

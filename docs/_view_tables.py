@@ -1,0 +1,45 @@
+"""The table of docs/view.md: pages of the player, with the goals that they have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from _results import Format, Results, number
+
+PAGES = {"30": "`brawl_30`, 67 s, 60 fps", "1000": "1,000 boxers, 10 s, 30 fps", "10000": "10,000 boxers, 1 s, 30 fps"}
+FIGURES = {
+    "page [MB]": "megabytes",
+    "posing [s]": "posing_seconds",
+    "seconds beyond posing": "seconds",
+    "first picture after a cold start of the browser [s]": "first_picture_seconds",
+    "median time of a picture [ms]": "frame_milliseconds",
+    "greatest error of a joint [mm]": "error_millimetres",
+}
+GOALS = {
+    "30": {"megabytes": 6.5, "seconds": 1.0, "first_picture_seconds": 1.5, "frame_milliseconds": 33.4,
+           "error_millimetres": 1.2},
+    "1000": {"megabytes": 21.0, "first_picture_seconds": 2.0, "frame_milliseconds": 100.0},
+    "10000": {"frame_milliseconds": 200.0},
+}  # fmt: skip
+"""The most that figures of each page may be."""
+
+
+def _shown(page: str, figure: str) -> Format:
+    most = GOALS[page].get(figure)
+    if most is None:
+        return number
+    return lambda value: number(value) if value <= most else f"**{number(value)}** (at most {most:g})"
+
+
+def player(results: Results) -> list[str]:
+    """Return what pages of the player cost, and how soon and how fast Chromium shows them without graphics hardware."""
+    # Joints of large crowds are packed as those of thirty are.
+    rows = [
+        [label, *(results.cell(_shown(page, figure), "view", "pages", page, figure)
+                  if page == "30" or figure != "error_millimetres" else "" for page in PAGES)]
+        for label, figure in FIGURES.items()
+    ]  # fmt: skip
+    return results.table(["", *PAGES.values()], rows, "view")
+
+
+VIEW_TABLES: dict[str, Callable[[Results], list[str]]] = {"player": player}

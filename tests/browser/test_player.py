@@ -1,0 +1,260 @@
+"""The player in a browser: pages load alone, show what pictures show, and do what input asks for."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import view
+import yaml
+from conftest import picture
+from scenes import crowdsim, write_scene
+
+import crowdsim as library
+from crowdsim.scenario.camera_files import camera_in_file
+from crowdsim.view.server import open_server
+
+pytestmark = pytest.mark.browser
+
+HOSTILE = "<img src=x onerror=\"document.title='owned'\"><script>document.title='owned'</script>"
+
+
+@pytest.fixture
+def run(workplace, finish) -> Path:
+    write_scene(workplace / "four.yaml", types={"boxer": {"policy": "tiny", "damage": {"health": 40}}})
+    finish(workplace)
+    return workplace / "run"
+
+
+@pytest.fixture
+def page(run) -> Path:
+    """A page of a fight of two against two."""
+    assert crowdsim("view", run, "--html", run.parent / "page.html", "-q") == 0
+    return run.parent / "page.html"
+
+
+@pytest.fixture
+def player(browser, page):
+    """The page in the browser, paused at its begin."""
+    browser.shown(page)
+    browser.evaluate("crowdsimPlayer.play(false); crowdsimPlayer.seek(0)")
+    browser.settle()
+    yield browser
+    assert browser.console == []
+
+
+def test_a_page_from_a_file_shows_itself_without_errors_and_asks_for_nothing_else(browser, page) -> None:
+    browser.shown(page)
+    browser.wait("crowdsimPlayer.time > 0.5")
+    assert browser.console == []
+    assert browser.requests == [page.as_uri()]
+    assert browser.evaluate("document.getElementById('message').hidden")
+    assert browser.evaluate("document.title") == "four"
+
+
+def test_joints_that_the_page_unpacks_are_within_a_millimetre_or_so_of_the_poses(player, run) -> None:
+    sampler = library.open_run(run).sampler
+    for frame in (0, 1, 77, 159):
+        shown = np.array(player.evaluate(view.JOINTS.replace("FRAME", str(frame))))
+        (poses,) = sampler.sample(frame, frame + 1, 60.0)
+        assert np.linalg.norm(shown - poses.joints()[0][0], axis=-1).max() < 1.2e-3
+
+
+def near(shown: np.ndarray, colour: np.ndarray, far: int) -> int:
+    """How many pixels have nearly the hue of a colour, however they are lit."""
+    bright = shown.max(axis=-1) > 60
+    unlike = np.abs(shown / np.maximum(shown.max(axis=-1, keepdims=True), 1) - colour / colour.max())
+    return int((bright & (unlike.max(axis=-1) < far / 255)).sum())
+
+
+def test_boxers_have_the_colours_and_the_places_that_rendered_pictures_have(player, run) -> None:
+    from PIL import Image
+
+    view = player.evaluate(
+        "crowdsimPlayer.camera.choices.findIndex(choice => choice.name === 'side') + ' ' + "
+        "document.getElementById('picture').clientWidth + ' ' + document.getElementById('picture').clientHeight"
+    )
+    choice, width, height = map(int, view.split())
+    player.evaluate(f"crowdsimPlayer.chooseCamera({choice}); crowdsimPlayer.seek(1)")
+    shown = picture(player)
+    out = run.parent / "drawn"
+    size = f"{width}x{height}"
+    words = ["--png", "--camera", "side", "--frames", "60:61", "--fps", "60", "--size", size, "--no-caption"]
+    assert crowdsim("render", run, "--out", out, *words, "-q") == 0
+    drawn = np.asarray(Image.open(out / "frames" / "000060.png").convert("RGB")).astype(int)
+    for colour in ((209, 41, 38), (38, 92, 230)):
+        here, there = (near(one, np.array(colour), 60) for one in (shown, drawn))
+        assert there > 300
+        assert 0.5 * there < here < 2.0 * there
+
+
+def test_scrubbing_changes_the_picture_and_going_back_brings_it_back(player) -> None:
+    first = picture(player)
+    player.evaluate(
+        "(() => { const s = document.getElementById('scrub'); s.value = 1.5; s.dispatchEvent(new Event('input')); })()"
+    )
+    second = picture(player)
+    assert player.evaluate("crowdsimPlayer.time") == pytest.approx(1.5, abs=0.01)
+    assert (np.abs(first - second).max(axis=-1) > 40).sum() > 500
+    player.press("Home")
+    player.wait("crowdsimPlayer.time === 0")
+    assert np.abs(picture(player) - first).max() <= 2
+
+
+def test_a_click_chooses_the_avatar_under_it_and_says_what_it_does(player, run) -> None:
+    opened = library.open_run(run)
+    player.evaluate("crowdsimPlayer.seek(2.0)")
+    player.settle()
+    for avatar in range(4):
+        x, y = player.evaluate(
+            f"(() => {{ const p = crowdsimPlayer, h = p.crowd.heads.slice({3 * avatar}, {3 * avatar + 3});"
+            "return p.view.project(...h).slice(0, 2); })()"
+        )
+        player.click(x, y)
+        seen = player.wait("crowdsimPlayer.selected >= 0 && String(crowdsimPlayer.selected)")
+        hidden = player.evaluate(
+            f"crowdsimPlayer.view.project(...crowdsimPlayer.crowd.heads.slice(3 * {seen}, 3 * {seen} + 3))[2]"
+        )
+        own = player.evaluate(
+            f"crowdsimPlayer.view.project(...crowdsimPlayer.crowd.heads.slice({3 * avatar}, {3 * avatar + 3}))[2]"
+        )
+        assert int(seen) == avatar or hidden < own
+        player.settle()
+        text = player.evaluate("document.getElementById('details').innerText")
+        chosen = int(seen)
+        assert text.startswith(opened.cast.names[chosen])
+        frame = 30
+        opponent = int(opened.opponent[frame, chosen])
+        assert re.search(rf"opponent\s+{opened.cast.names[opponent]}", text)
+        assert re.search(rf"action\s+{int(opened.action[frame, chosen])}\s", text)
+        assert re.search(r"health\s+\d+ of 40", text)
+        player.press("Escape")
+        player.wait("crowdsimPlayer.selected === -1")
+
+
+def test_dragging_turns_a_camera_and_its_yaml_is_what_render_reads(player, tmp_path) -> None:
+    eye = player.evaluate("crowdsimPlayer.view.eye")
+    player.drag((600, 300), (720, 340))
+    player.wait("crowdsimPlayer.camera.kind === 'free'")
+    player.settle()
+    moved = player.evaluate("crowdsimPlayer.view.eye")
+    assert np.linalg.norm(np.subtract(eye, moved)) > 0.5
+    text = player.evaluate("crowdsimPlayer.camera.yaml(crowdsimPlayer.view)")
+    (tmp_path / "shot.yaml").write_text(text, encoding="utf-8")
+    camera = camera_in_file(f"{tmp_path / 'shot.yaml'}#view")
+    assert camera.kind == "fixed"
+    assert camera.position == pytest.approx(moved, abs=2e-3)
+
+
+def test_every_camera_gives_yaml_that_render_reads(player, tmp_path) -> None:
+    for choice in range(player.evaluate("crowdsimPlayer.camera.choices.length")):
+        player.evaluate(f"crowdsimPlayer.select(2); crowdsimPlayer.chooseCamera({choice})")
+        player.settle()
+        text = player.evaluate("crowdsimPlayer.camera.yaml(crowdsimPlayer.view)")
+        (tmp_path / "shot.yaml").write_text(text, encoding="utf-8")
+        (name,) = yaml.safe_load(text)["cameras"]
+        camera = camera_in_file(f"{tmp_path / 'shot.yaml'}#{name}")
+        kind = player.evaluate("crowdsimPlayer.camera.kind")
+        if kind in ("follow", "eye"):
+            assert (camera.kind, camera.avatar) == (kind, "blue_0")
+
+
+def test_keys_step_by_control_frames_and_play(player) -> None:
+    for presses, seconds in ((1, 1 / 15), (2, 3 / 15)):
+        for _ in range(presses):
+            player.press("ArrowRight")
+        player.wait(f"Math.abs(crowdsimPlayer.time - {seconds}) < 1e-6")
+    player.press("ArrowLeft")
+    player.wait(f"Math.abs(crowdsimPlayer.time - {2 / 15}) < 1e-6")
+    player.press(" ")
+    player.wait("crowdsimPlayer.time > 0.4")
+    player.press(" ")
+    player.wait("!crowdsimPlayer.playing")
+
+
+def test_a_recording_that_ends_begins_again_or_stops(player) -> None:
+    player.evaluate(
+        "document.getElementById('loop').checked = false; crowdsimPlayer.seek(2.5); crowdsimPlayer.play(true)"
+    )
+    player.wait("!crowdsimPlayer.playing")
+    assert player.evaluate("crowdsimPlayer.time === crowdsimPlayer.end")
+    player.evaluate(
+        "document.getElementById('loop').checked = true; crowdsimPlayer.seek(2.5); crowdsimPlayer.play(true)"
+    )
+    player.wait("crowdsimPlayer.time < 2")
+    player.evaluate("crowdsimPlayer.play(false)")
+
+
+def test_the_camera_follows_an_avatar(player) -> None:
+    player.evaluate("crowdsimPlayer.select(3); crowdsimPlayer.chooseCamera(crowdsimPlayer.camera.find('follow'))")
+    for seconds in (0.0, 1.0, 2.4):
+        player.evaluate(f"crowdsimPlayer.seek({seconds})")
+        player.settle()
+        x, y, depth = player.evaluate("crowdsimPlayer.view.project(...crowdsimPlayer.crowd.roots.slice(9, 12))")
+        assert 200 < x < 1080
+        assert 50 < y < 600
+        assert 1.5 < depth < 8.0
+
+
+def test_hostile_names_stay_text(browser, run) -> None:
+    opened = library.open_run(run)
+    names = np.array([HOSTILE, *opened.cast.names[1:]])
+    cast = replace(opened.cast, names=names, team_names=(HOSTILE, "blue"), type_names=(HOSTILE,))
+    page = run.parent / "hostile.html"
+    page.write_text(replace(opened, cast=cast, scenario=HOSTILE).view(fps=10.0), encoding="utf-8")
+    browser.shown(page)
+    browser.evaluate("crowdsimPlayer.select(0); crowdsimPlayer.set('labels', true); crowdsimPlayer.play(false)")
+    browser.settle()
+    assert browser.evaluate("document.title") == HOSTILE
+    assert browser.evaluate("document.getElementById('title').textContent") == HOSTILE
+    assert browser.evaluate("document.querySelector('#details h2').textContent") == HOSTILE
+    assert browser.evaluate("document.querySelector('#teams th[scope], #teams tbody th').textContent") == HOSTILE
+    assert browser.evaluate("document.images.length") == 0
+    assert browser.console == []
+    assert browser.requests == [page.as_uri()]
+
+
+def test_a_served_page_shows_itself_and_asks_its_server_alone(browser, run) -> None:
+    import threading
+
+    import uvicorn
+
+    server = open_server(library.open_run(run).recording())
+    running = uvicorn.Server(uvicorn.Config(server.app, log_level="error", lifespan="off"))
+    thread = threading.Thread(target=running.run, kwargs={"sockets": [server.socket]}, daemon=True)
+    thread.start()
+    browser.shown(server.address)
+    browser.evaluate("crowdsimPlayer.play(false); crowdsimPlayer.seek(1.6)")
+    browser.settle()
+    assert browser.console == []
+    assert all(request.startswith(server.address) for request in browser.requests)
+    assert f"{server.address}block/1" in browser.requests
+    running.should_exit = True
+    thread.join(60)
+    browser.evaluate("crowdsimPlayer.recording.blocks.clear(); crowdsimPlayer.seek(0.2)")
+    browser.wait("!document.getElementById('message').hidden")
+    assert browser.evaluate("document.getElementById('message').textContent").startswith("The connection is lost")
+
+
+def test_a_page_that_was_cut_off_says_so(browser, page) -> None:
+    text = page.read_text(encoding="utf-8")
+    page.write_text(text[: text.index('<script type="text/plain"')], encoding="utf-8")
+    browser.open(page)
+    browser.wait("document.getElementById('message') && !document.getElementById('message').hidden")
+    assert "part of its recording is missing" in browser.evaluate("document.getElementById('message').textContent")
+
+
+def test_without_webgl_a_line_says_so(browser, page) -> None:
+    script = "HTMLCanvasElement.prototype.getContext = () => null"
+    added = browser.call("Page.addScriptToEvaluateOnNewDocument", source=script)["identifier"]
+    try:
+        browser.open(page)
+        browser.wait("document.documentElement?.dataset.state === 'failed'")
+        assert browser.evaluate("document.getElementById('message').textContent").startswith(
+            "This browser has no WebGL 2"
+        )
+    finally:
+        browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=added)

@@ -1,0 +1,168 @@
+"""What the player shows of a run is what the run has."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from naive_view import read_joints, unpack_scene
+from scenes import write_scene
+
+import crowdsim
+from crowdsim.errors import CrowdsimError, TakeError
+from crowdsim.scenario.cameras import KINDS
+from crowdsim.view.page import check_size
+from crowdsim.view.recording import OUTSIDE
+
+LATE = {
+    "name": "late", "team": "blue", "type": "boxer", "count": 1, "waits": True,
+    "placement": {"kind": "points", "points": [[3, 0]]},
+}  # fmt: skip
+ENTER = {"kind": "add", "group": "late", "when": {"kind": "seconds", "seconds": 2}}
+HURT = {"boxer": {"policy": "tiny", "scale": {"kind": "uniform", "minimum": 0.9, "maximum": 1.1}, "legs": 1.05,
+                  "damage": {"health": 40}}}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return {}
+
+
+@pytest.fixture
+def run(runs, workplace):
+    """A run of five avatars of various sizes who can be hurt; one comes late."""
+    if "run" not in runs:
+        from scenes import scene
+
+        groups = [*scene()["groups"], LATE]
+        path = write_scene(workplace / "four.yaml", duration=90, types=HURT, groups=groups, events=[ENTER])
+        runs["run"] = crowdsim.run(crowdsim.load_scenario(path))
+    return runs["run"]
+
+
+def read(recording):
+    scene = unpack_scene(recording.scene())
+    return scene, read_joints(scene, [recording.block(number) for number in range(recording.block_count)])
+
+
+def test_joints_are_within_a_millimetre_or_so_of_the_poses(run) -> None:
+    recording = run.recording(fps=30.0)
+    scene, (joints,) = read(recording)
+    (poses,) = run.sampler.sample(0, scene["frames"], 30.0)
+    expected = poses.joints()[0]
+    there = np.isfinite(expected[..., 0])
+    assert 0 < there[:, 4].sum() < there[:, 4].size
+    assert np.linalg.norm(joints - expected, axis=-1)[there].max() < 1.2e-3
+    stays = scene["tables"]["present"].reshape(-1, 3)
+    present = np.zeros(there.shape[:2], bool)
+    for avatar, start, stop in stays:
+        present[start:stop, avatar] = True
+    np.testing.assert_array_equal(present, there[..., 0])
+
+
+def test_a_part_of_a_run_has_the_same_poses(run) -> None:
+    whole = read(run.recording(fps=30.0))[1][0]
+    scene, (part,) = read(run.recording("1,3", "1s:3s", 30.0))
+    assert scene["first"] == 30
+    assert scene["names"] == run.cast.names[[1, 3]].tolist()
+    assert np.abs(part - whole[30:90, [1, 3]]).max() < 1e-3
+
+
+def test_strikes_are_those_of_the_take_with_who_is_not_recorded_marked(run) -> None:
+    scene = unpack_scene(run.recording().scene())
+    strikes, tables = run.strikes(), scene["tables"]
+    assert len(strikes)
+    np.testing.assert_allclose(tables["strike_time"], strikes["seconds"], atol=1e-5)
+    np.testing.assert_array_equal(tables["strike_attacker"], strikes["attacker"])
+    assert [scene["outcomes"][one] for one in tables["strike_outcome"]] == strikes["outcome"].tolist()
+    attacker = int(strikes["attacker"][0])
+    part = unpack_scene(run.recording([attacker]).scene())["tables"]
+    own = (strikes["attacker"] == attacker) | (strikes["victim"] == attacker)
+    assert len(part["strike_time"]) == own.sum()
+    assert set(part["strike_attacker"].tolist()) <= {0, OUTSIDE}
+    assert OUTSIDE in part["strike_victim"]
+
+
+def test_health_goes_on_from_what_strikes_before_the_first_frame_have_taken(run) -> None:
+    whole = unpack_scene(run.recording().scene())["tables"]
+    health = whole["health"].reshape(-1, 2)
+    np.testing.assert_array_equal(health, 40)
+    damage = np.asarray(run.events.damage)
+    hit = int(np.argmax(damage > 0))
+    assert damage[hit] > 0
+    victim, later = int(run.events.victim[hit]), float(run.events.frame[hit]) / 15.0 + 0.05
+    part = run.recording(frames=f"{int(later * 60) + 1}:")
+    left = unpack_scene(part.scene())["tables"]["health"].reshape(-1, 2)[victim]
+    assert left[0] == 40
+    assert left[1] < 40
+
+
+def test_actions_and_opponents_are_those_of_every_control_frame(run) -> None:
+    scene = unpack_scene(run.recording().scene())
+    tables = scene["tables"]
+    rows = tables["action_table"].reshape(-1, 4)
+    for avatar in range(run.avatar_count):
+        for frame in range(run.frame_count):
+            first, stop = tables["action_offset"][avatar : avatar + 2]
+            row = first + np.searchsorted(tables["action_frame"][first:stop], frame, side="right") - 1
+            action, clip, start, stride = rows[tables["action_row"][row]]
+            assert action == run.action[frame, avatar]
+            first, stop = tables["opponent_offset"][avatar : avatar + 2]
+            at = first + np.searchsorted(tables["opponent_frame"][first:stop], frame, side="right") - 1
+            assert tables["opponent"][at] == run.opponent[frame, avatar]
+            if action < 0:
+                continue
+            row_phase = tables["action_phase"][row] + (frame - tables["action_frame"][row]) * tables["speed"][avatar]
+            assert row_phase == pytest.approx(run.action_frame[frame, avatar], abs=1e-3)
+            # The captured frame that the avatar is at lies in the clip that is named.
+            database = run.policies[0].database
+            number = database.clip_names.index(scene["clips"][int(clip)])
+            origin = (int(run.policies[0].graph.action_first[int(action)]) - 1) * database.stride
+            assert origin == database.clip_starts[number] * database.stride + start
+            assert stride == database.stride
+
+
+def test_cameras_are_where_pictures_have_them(run) -> None:
+    from crowdsim.render.camera import build_track
+    from crowdsim.render.take_source import TakeSource
+
+    scene = unpack_scene(run.recording(fps=30.0).scene())
+    source = TakeSource(run, run.policies, 30.0)
+    assert [camera["name"] for camera in scene["cameras"]][:4] == ["auto", "side", "front", "top"]
+    for i, camera in enumerate(scene["cameras"]):
+        track = scene["tables"][f"camera_{i}"].reshape(-1, 8)
+        view = build_track(source, camera["name"], (1280, 720)).view(60.0)
+        np.testing.assert_allclose(track[10, :3], view.eye, atol=1e-3)
+        np.testing.assert_allclose(track[10, 3:6], view.ahead, atol=1e-3)
+        assert camera["kind"] in KINDS
+
+
+def test_avatars_that_are_not_there_are_refused(run) -> None:
+    with pytest.raises(TakeError, match="none of these avatars is there in frames 0:10"):
+        run.recording("late_0", "0:10")
+    with pytest.raises(TakeError, match="there is no avatar 9"):
+        run.recording("9")
+    with pytest.raises(TakeError, match=r"frames"):
+        run.recording(frames="5:5")
+
+
+def test_a_page_that_no_browser_could_load_is_refused(run) -> None:
+    recording = run.recording()
+    check_size(recording)
+    recording.motion.frames = 10_000_000
+    with pytest.raises(CrowdsimError, match=r"the page would have about 3\.0 GB, expected 0\.6 at most: fewer avatars"):
+        check_size(recording)
+
+
+def test_blocks_of_large_crowds_have_fewer_frames(run) -> None:
+    recording = run.recording()
+    assert recording.block_frames == 300
+    recording.motion.avatars = 1000
+    assert recording.block_frames == 200
+    recording.motion.avatars = 1_000_000
+    assert recording.block_frames == 10
+
+
+def test_a_scenario_camera_is_among_those_of_the_page(run) -> None:
+    camera = KINDS["fixed"].model_validate({"kind": "fixed", "position": [1, 2, 9]})
+    scene = unpack_scene(replace(run, cameras={"mine": camera}).recording().scene())
+    assert scene["cameras"][-1] == {"name": "mine", "kind": "fixed", "position": [1.0, 2.0, 9.0]}
