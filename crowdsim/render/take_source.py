@@ -66,7 +66,7 @@ class TakeSource:
         obstacles: Array | None = None,
     ) -> None:
         self.take, self.fps, self.name = take, float(fps), name or take.scenario
-        self._arguments = (take, tuple(policies), fps, name, threads, arena, cameras, obstacles)
+        self._arguments: tuple[Any, ...] = (take, tuple(policies), fps, name, threads, arena, cameras, obstacles)
         self.obstacles = obstacles
         self.cameras = cameras or {}
         self.arena = np.zeros(5) if arena is None else np.asarray(arena, float)
