@@ -20,6 +20,8 @@ MOST_ROWS = 1_000_000
 _COLUMNS = (*REQUIRED, *OPTIONAL)
 _LONGEST_LINE = 10_000
 _LARGEST_NUMBER = 10**9
+_LISTED = "avatars"
+"""The stem of the list of avatars that lies beside a file of each (``export.posed``)."""
 
 
 class Cell(NamedTuple):
@@ -181,6 +183,8 @@ def _read_row(row: dict[str, Cell], line: int, faults: list[str]) -> Row:
         faults.append(at(name, f"name is {shortened(name.text)!r}, expected one of {NAME_RULE}"))
     elif re.fullmatch(r"\d+(-\d+)?", name.text):
         faults.append(at(name, f"name is {name.text!r}, which means avatars by number, expected a letter in it"))
+    elif name.text.casefold() == _LISTED:
+        faults.append(at(name, f"name is {name.text!r}, as the list beside exported files, expected another one"))
     none = Cell("", line, 1)
     kind, team = row.get("type", none), row.get("team", none)
     for key, cell in (("type", kind), ("team", team)):

@@ -131,6 +131,8 @@ def test_a_resolved_scenario_loads_again_and_notices_that_the_table_has_changed(
         ("name,x,z\n../up,1,2\n", ["2:1: name is '../up', expected one of letters, digits, '_', '-' and '.'"]),
         ("name,x,z\nCON,1,2\n", ["2:1: name is 'CON', expected one of letters, digits, '_', '-' and '.', at most 64"]),
         ("name,x,z\n3-5,1,2\n", ["2:1: name is '3-5', which means avatars by number, expected a letter in it"]),
+        ("name,x,z\nAvatars,1,2\n",
+         ["2:1: name is 'Avatars', as the list beside exported files, expected another one"]),
         ('name,x,z\n"A,1,2\n', ["2:1: a quote that is not closed in its line, expected '\"' at its end"]),
         ('name,x,z\n"A"b,1,2\n', ["2:4: text behind a quoted cell, expected ','"]),
         ("name,x,z,number\nA,1,2,0\nB,2,2,0\nC,3,2,4\n",
