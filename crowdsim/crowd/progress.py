@@ -162,11 +162,14 @@ class Agenda:
             return True
         return any(self._changes[number].when.after == STRIKES for number in self.pending)
 
-    def due(self) -> Iterator[Change]:
-        """Yield each change that is due, once; the next one is checked after it has been made."""
+    def due(self, kind: type = object) -> Iterator[Change]:
+        """Yield each change that is due, once; the next one is checked after it has been made.
+
+        ``kind`` is the class of triggers that are looked at.
+        """
         for number in list(self.pending):
             change = self._changes[number]
-            if change.when.is_due(self.progress):
+            if isinstance(change.when, kind) and change.when.is_due(self.progress):
                 self.pending.remove(number)
                 if change.health_below is not None:
                     self.standing.append(number)

@@ -40,6 +40,7 @@ from crowdsim.crowd.script import Change, target_positions
 from crowdsim.crowd.stages import Stages, lost_avatar
 from crowdsim.crowd.state import read_state, write_state
 from crowdsim.crowd.travelling import defend_travellers, halt, headings_of, set_out, travel_on
+from crowdsim.crowd.triggers import Ended
 from crowdsim.crowd.workers import Workers
 from crowdsim.errors import RunError, nearest
 from crowdsim.scenario.groups import SEARCHES
@@ -308,7 +309,7 @@ class Simulation:
         if self.crowd.until is not None and self.outcome is None:
             self.outcome = find_outcome(self.crowd.until, self._agenda, self.crowd)
             progress.ended = self.outcome is not None
-            for change in self._agenda.due() if progress.ended else ():
+            for change in self._agenda.due(Ended):
                 self._apply(change)
         self._world.pauses[0] = float(self._agenda.waits_for_strikes)
 

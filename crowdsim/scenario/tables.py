@@ -20,6 +20,7 @@ MOST_ROWS = 1_000_000
 _COLUMNS = (*REQUIRED, *OPTIONAL)
 _LONGEST_LINE = 10_000
 _LARGEST_NUMBER = 10**9
+_QUOTED = re.compile(r' *"((?:[^"]|"")*)" *')
 _LISTED = "avatars"
 """The stem of the list of avatars that lies beside a file of each (``export.posed``)."""
 
@@ -142,7 +143,7 @@ def _split(line: str, number: int, separator: str, faults: list[str]) -> list[Ce
     """Return the cells of a line, without blanks around them; one that has a separator in it is in double quotes."""
     cells, start = [], 0
     while True:
-        quoted = re.compile(r'\s*"((?:[^"]|"")*)"\s*').match(line, start)
+        quoted = _QUOTED.match(line, start)
         if quoted is not None:
             end, text = quoted.end(), quoted[1].replace('""', '"')
             if line[end : end + 1] not in ("", separator):

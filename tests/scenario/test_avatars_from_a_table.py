@@ -165,6 +165,20 @@ def test_what_is_wrong_with_a_table_is_reported_with_file_line_and_column(tmp_pa
         assert rest.startswith(start + one)
 
 
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("ending", ["\n", "\r\n"])
+def test_cells_lie_between_commas_semicolons_or_tabs_and_may_be_quoted(tmp_path, separator, ending):
+    rows = ['"name"', '"x"', "z [m]", "type", '"team"'], ["A", "1", '"2"', "", '"red"'], ['"B"', "3", "4", "quick", ""]
+    text = "\ufeff" + ending.join(separator.join(row) for row in rows) + ending * 2
+    path = write(tmp_path)
+    (tmp_path / "cast.csv").write_bytes(text.encode())
+    result = load_scenario(path, policies=["tiny"])
+    assert result.avatar_names() == ["A", "B"]
+    assert result.teams == ("red", "one")
+    assert [row.type.text for row in result.groups[0].rows] == ["", "quick"]
+    np.testing.assert_array_equal(place_groups(result)[:2], [[1, 3], [2, 4]])
+
+
 def test_of_very_many_faults_of_a_table_the_first_ones_are_reported(tmp_path):
     lines = refused(tmp_path, "name,x,z\n" + "".join(f"a{i},x,0\n" for i in range(5000)))
     assert 100 <= len(lines) <= 101
