@@ -105,7 +105,7 @@ class Crowd:
         crowding: How avatars keep out of one another.
         seed: Seed of every draw.
         rules: What hurts and tires avatars, see ``World.rules``; nothing where it is empty. Shape (M, 12) or (0, 12).
-        conditioned: Whether avatars can be hurt, tire, watch, flee or wait, or have temperaments or stances.
+        conditioned: Whether avatars can be hurt, tire, watch, flee, wait or travel, or have temperaments or stances.
         temperaments: See ``distributions.temperaments_of``; where it is empty, all are even-tempered. Shape (N, 3) or
             (0, 3).
         targets: Paths of scripted targets.

@@ -249,7 +249,7 @@ _OF_MODES = (FleeEvent, WatchEvent, RestEvent, FightEvent, RemoveEvent, LeaveEve
 
 
 def is_conditioned(scenario: Scenario) -> bool:
-    """Return whether avatars of a scenario can be hurt, tire, watch, flee, wait or rest, or have a temper or stance."""
+    """Return whether avatars can be hurt, tire, watch, flee, wait, rest or travel, or have a temper or a stance."""
     kinds = [scenario.types[name] for name in scenario.used_types]
     opponents = [group.opponents for group in scenario.groups]
     opponents += [event.opponents for event in scenario.events if isinstance(event, RetargetEvent)]

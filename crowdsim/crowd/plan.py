@@ -13,12 +13,13 @@ from crowdsim.crowd.cast import Cast
 from crowdsim.crowd.crowd import ANYONE, SCRIPTED, Crowd
 from crowdsim.crowd.kernels.layout import FIGHTS, FLEES, RESTS, WATCHES
 from crowdsim.crowd.script import Change, CirclePath, End, LinePath, TargetPath, Travel
-from crowdsim.crowd.triggers import AtFrame, Downs, HealthBelow, Landed, LandedOn, Near, Trigger
+from crowdsim.crowd.triggers import AtFrame, Downs, Ended, HealthBelow, Landed, LandedOn, Near, Trigger
 from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.scenario.events import (
     AddEvent,
     Condition,
     DownCondition,
+    EndedCondition,
     Event,
     FightEvent,
     FleeEvent,
@@ -177,6 +178,8 @@ def _when(scenario: Scenario, condition: Condition, rate: float) -> Trigger:
         return AtFrame(round(condition.seconds * rate))
     if isinstance(condition, StrikesCondition):
         return Landed(condition.count, -1 if condition.team is None else scenario.teams.index(condition.team))
+    if isinstance(condition, EndedCondition):
+        return Ended()
     group = _group(scenario, condition.group)
     if isinstance(condition, LandedOnCondition):
         return LandedOn(group, condition.count)

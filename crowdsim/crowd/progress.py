@@ -31,11 +31,12 @@ class Progress:
         present: How many avatars are there; these are in the first slots.
         landed: Strikes that each team has landed. Shape (teams,), int64.
         landed_on: Strikes that have landed on each group. Shape (groups,), int64.
+        ended: Whether what ends the run has come.
     """
 
     def __init__(self, crowd: Crowd, avatars: Avatars, world: World) -> None:
         self._crowd, self._avatars, self._world = crowd, avatars, world
-        self.frame, self.present = 0, int(np.count_nonzero(crowd.present))
+        self.frame, self.present, self.ended = 0, int(np.count_nonzero(crowd.present)), False
         self.landed = np.zeros(int(crowd.cast.teams.max(initial=0)) + 1, np.int64)
         self.landed_on = np.zeros(int(crowd.group.max(initial=0)) + 1, np.int64)
 
@@ -161,11 +162,14 @@ class Agenda:
             return True
         return any(self._changes[number].when.after == STRIKES for number in self.pending)
 
-    def due(self) -> Iterator[Change]:
-        """Yield each change that is due, once; the next one is checked after it has been made."""
+    def due(self, kind: type = object) -> Iterator[Change]:
+        """Yield each change that is due, once; the next one is checked after it has been made.
+
+        ``kind`` is the class of triggers that are looked at.
+        """
         for number in list(self.pending):
             change = self._changes[number]
-            if change.when.is_due(self.progress):
+            if isinstance(change.when, kind) and change.when.is_due(self.progress):
                 self.pending.remove(number)
                 if change.health_below is not None:
                     self.standing.append(number)

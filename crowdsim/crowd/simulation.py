@@ -41,6 +41,7 @@ from crowdsim.crowd.script import Change, target_positions
 from crowdsim.crowd.stages import Stages, lost_avatar
 from crowdsim.crowd.state import read_state, write_state
 from crowdsim.crowd.travelling import defend_travellers, halt, headings_of, set_out, travel_on
+from crowdsim.crowd.triggers import Ended
 from crowdsim.crowd.workers import Workers
 from crowdsim.errors import RunError, nearest
 from crowdsim.places.arrays import build_places
@@ -298,7 +299,7 @@ class Simulation:
             return
         self._changed_at = self.frame
         progress = self._agenda.progress
-        progress.frame, progress.present = self.frame, self.present
+        progress.frame, progress.present, progress.ended = self.frame, self.present, self.outcome is not None
         if len(self.avatars.conditions):
             # Those leave that are out and whose policies have no falls.
             leave = self.avatars.conditions["standing"][self.avatars.number] == layout.OUT
@@ -315,9 +316,12 @@ class Simulation:
         for change in self._agenda.retiring():
             self._set_out(change)
         progress.present = self.present
-        self._world.pauses[0] = float(self._agenda.waits_for_strikes)
         if self.crowd.until is not None and self.outcome is None:
             self.outcome = find_outcome(self.crowd.until, self._agenda, self.crowd)
+            progress.ended = self.outcome is not None
+            for change in self._agenda.due(Ended):
+                self._apply(change)
+        self._world.pauses[0] = float(self._agenda.waits_for_strikes)
 
     def _apply(self, change: Change) -> None:
         for values, new in (
@@ -368,7 +372,8 @@ class Simulation:
         assert change.travel is not None
         assert change.who is not None
         conditions = self.avatars.conditions
-        goes = change.who & self._agenda.progress.here & ~self._agenda.progress.out
+        goes = change.who & ~self._agenda.progress.out
+        goes[self.avatars.number[self.present :]] = False
         goes &= (conditions["mode"] != layout.TRAVELS) | (conditions["travel"] != change.travel + 1)
         if change.health_below is not None:
             goes &= conditions["health"] < change.health_below

@@ -17,6 +17,7 @@ class Observations(Protocol):
     frame: int
     landed: Array
     landed_on: Array
+    ended: bool
 
     def downs_of(self, group: int) -> int:
         """Return how often avatars of a group, or of all with -1, have been knocked down."""
@@ -106,7 +107,18 @@ class Near:
         return now.frame > 0 and now.distance_of(self.one, self.other) < self.below
 
 
-Trigger = AtFrame | Landed | LandedOn | Downs | HealthBelow | Near
+@dataclass(frozen=True)
+class Ended:
+    """When what ends the run has come."""
+
+    after: ClassVar[int] = NOTHING
+
+    def is_due(self, now: Observations) -> bool:
+        """Return whether it has."""
+        return now.ended
+
+
+Trigger = AtFrame | Landed | LandedOn | Downs | HealthBelow | Near | Ended
 
 
 def _count(counts: Array, which: int) -> int:

@@ -68,6 +68,14 @@ class HealthCondition(StrictModel):
     points: float = Field(gt=0, le=1_000_000, description="Health [points].")
 
 
+class EndedCondition(StrictModel):
+    """When the end of the run has come."""
+
+    kind: Literal["ended"] = Field(
+        description="As soon as the scenario's `until` is met; the run goes on for as long as its `linger` says."
+    )
+
+
 Condition = Annotated[
     FrameCondition
     | SecondsCondition
@@ -75,7 +83,8 @@ Condition = Annotated[
     | DistanceCondition
     | LandedOnCondition
     | DownCondition
-    | HealthCondition,
+    | HealthCondition
+    | EndedCondition,
     Field(discriminator="kind"),
 ]
 

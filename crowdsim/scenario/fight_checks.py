@@ -29,6 +29,10 @@ def fight_findings(scenario: Description) -> Iterator[Finding]:
             if concerned and not any(_hurt(scenario, group) for group in concerned):
                 yield Finding(("events", i, "health_below"), f"nothing hurts these avatars, {_NEEDS_DAMAGE}")
         when = event.when
+        if when.kind == "ended" and (scenario.until is None or scenario.linger == 0):
+            what = "never comes without 'until'" if scenario.until is None else "comes with the last frame"
+            expected = "expected an 'until'" if scenario.until is None else "expected a 'linger' above 0"
+            yield Finding(("events", i, "when"), f"{what}, {expected}")
         if when.kind not in ("down", "health_below") or (when.group is not None and when.group not in by_name):
             continue
         if when.kind == "down":

@@ -220,7 +220,10 @@ class Entrance(StrictModel):
         description="Points, x and z each [m]: avatars appear at the first one, and travel to the others in turn."
     )
     rate: float = Field(
-        default=0.5, gt=0, le=100, description="Avatars that enter per second, while the start is free."
+        default=0.5,
+        gt=0,
+        le=100,
+        description="Avatars that enter per second, while the start is free; it takes each about a second to leave it.",
     )
     gait: Gait = "walk"
     until: Until = Field(

@@ -86,9 +86,9 @@ path, each avatar to its own position. A path leads straight from point to point
 floor and avoid one another, and cross the border of an arena. On its way an avatar has no opponent and throws no
 strikes, but others may fight it: by default one that enters fights back from then on (`until: attacked`), and one
 that leaves does not (`until: end`). Those that are knocked down go on when they are up, and those that stay down
-stay. Opponents of avatars that leave follow them; an event of kind `rest` or `watch` keeps them back. Avatars travel
-by the motion that their policy has, in their guard: `crowdsim validate` warns where that is clearly slower than the
-gait.
+stay. Without a `group` all leave that can, so that on the condition `ended` the winners do. Opponents of avatars that
+leave follow them; an event of kind `rest` or `watch` keeps them back. Avatars travel by the motion that their policy
+has, in their guard: `crowdsim validate` warns where that is clearly slower than the gait.
 
 <!-- Written from the schema by crowdsim.scenario.reference; do not edit. -->
 """

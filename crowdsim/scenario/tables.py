@@ -20,6 +20,9 @@ MOST_ROWS = 1_000_000
 _COLUMNS = (*REQUIRED, *OPTIONAL)
 _LONGEST_LINE = 10_000
 _LARGEST_NUMBER = 10**9
+_QUOTED = re.compile(r' *"((?:[^"]|"")*)" *')
+_LISTED = "avatars"
+"""The stem of the list of avatars that lies beside a file of each (``export.posed``)."""
 
 
 class Cell(NamedTuple):
@@ -140,7 +143,7 @@ def _split(line: str, number: int, separator: str, faults: list[str]) -> list[Ce
     """Return the cells of a line, without blanks around them; one that has a separator in it is in double quotes."""
     cells, start = [], 0
     while True:
-        quoted = re.compile(r'\s*"((?:[^"]|"")*)"\s*').match(line, start)
+        quoted = _QUOTED.match(line, start)
         if quoted is not None:
             end, text = quoted.end(), quoted[1].replace('""', '"')
             if line[end : end + 1] not in ("", separator):
@@ -181,6 +184,8 @@ def _read_row(row: dict[str, Cell], line: int, faults: list[str]) -> Row:
         faults.append(at(name, f"name is {shortened(name.text)!r}, expected one of {NAME_RULE}"))
     elif re.fullmatch(r"\d+(-\d+)?", name.text):
         faults.append(at(name, f"name is {name.text!r}, which means avatars by number, expected a letter in it"))
+    elif name.text.casefold() == _LISTED:
+        faults.append(at(name, f"name is {name.text!r}, as the list beside exported files, expected another one"))
     none = Cell("", line, 1)
     kind, team = row.get("type", none), row.get("team", none)
     for key, cell in (("type", kind), ("team", team)):

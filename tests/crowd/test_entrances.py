@@ -164,6 +164,30 @@ def test_avatars_that_leave_are_gone_at_the_end_of_their_path_and_come_back_when
         assert (chunk.opponent[135:, i] >= 0).any()
 
 
+def test_winners_leave_when_the_end_has_come(policies):
+    near = {**scene()["groups"][0], "placement": {"kind": "line", "start": [-0.5, -1.5], "end": [0.5, -1.5]}}
+    event = {**LEAVE, "group": None, "when": {"kind": "ended"}, "path": [[0, 2]], "until": "attacked"}
+    del event["group"]
+    given = {**keys(None, (event,)), "until": {"landed": 1}, "linger": 9}
+    given["groups"][0] = near
+    one = draw_crowd(load_scenario(given, policies=["tiny"]), policies)
+    whole = Simulation(one)
+    chunk = whole.run(FRAMES)
+    assert whole.outcome is not None
+    ended = whole.outcome.frame
+    assert 0 < ended < FRAMES - 30
+    assert len(chunk.action) == min(FRAMES, ended + 9 * 15)
+    first, rest = Simulation(one), Simulation(one)
+    before = first.run(ended)
+    assert (before.opponent[-1, :2] >= 0).all()
+    first.run(1)
+    assert (first.avatars.conditions["mode"][:2] == layout.TRAVELS).all()
+    rest.restore(through_a_file(first.state()))
+    assert bytes_of([rest.run(40)]) == bytes_of([first.run(40)])
+    steps = Simulation(one)
+    assert bytes_of([steps.run(count) for count in (1, 7, 3, FRAMES)]) == bytes_of([chunk])
+
+
 def test_a_group_that_leaves_while_it_enters_does_not_go_on_entering(policies):
     event = {**LEAVE, "group": "blue", "path": [[0, -7]], "when": {"kind": "frame", "frame": 20}}
     chunk = Simulation(drawn(policies, None, event)).run(FRAMES)
@@ -382,6 +406,7 @@ def test_entrances_that_cannot_be_are_findings(workplace, capsys, enter, expecte
             {"health_below": 50, "until": "attacked"},
             "events[0].until: is 'attacked', but avatars whose health is low leave again at once",
         ),
+        ({"when": {"kind": "ended"}}, "events[0].when: never comes without 'until', expected an 'until'"),
         ({"gait": "hop"}, "events[0].gait: is 'hop', expected 'walk' or 'run'"),
         ({"group": "rde"}, "events[0].group: is 'rde', expected a group: red or blue (did you mean 'red'?)"),
         ({"health_below": 50}, "events[0].health_below: nothing hurts these avatars, expected 'damage' of their type"),

@@ -131,6 +131,8 @@ def test_a_resolved_scenario_loads_again_and_notices_that_the_table_has_changed(
         ("name,x,z\n../up,1,2\n", ["2:1: name is '../up', expected one of letters, digits, '_', '-' and '.'"]),
         ("name,x,z\nCON,1,2\n", ["2:1: name is 'CON', expected one of letters, digits, '_', '-' and '.', at most 64"]),
         ("name,x,z\n3-5,1,2\n", ["2:1: name is '3-5', which means avatars by number, expected a letter in it"]),
+        ("name,x,z\nAvatars,1,2\n",
+         ["2:1: name is 'Avatars', as the list beside exported files, expected another one"]),
         ('name,x,z\n"A,1,2\n', ["2:1: a quote that is not closed in its line, expected '\"' at its end"]),
         ('name,x,z\n"A"b,1,2\n', ["2:4: text behind a quoted cell, expected ','"]),
         ("name,x,z,number\nA,1,2,0\nB,2,2,0\nC,3,2,4\n",
@@ -161,6 +163,20 @@ def test_what_is_wrong_with_a_table_is_reported_with_file_line_and_column(tmp_pa
         place, _, rest = line.partition(": ")
         assert place.startswith(f"{path}:")
         assert rest.startswith(start + one)
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("ending", ["\n", "\r\n"])
+def test_cells_lie_between_commas_semicolons_or_tabs_and_may_be_quoted(tmp_path, separator, ending):
+    rows = ['"name"', '"x"', "z [m]", "type", '"team"'], ["A", "1", '"2"', "", '"red"'], ['"B"', "3", "4", "quick", ""]
+    text = "\ufeff" + ending.join(separator.join(row) for row in rows) + ending * 2
+    path = write(tmp_path)
+    (tmp_path / "cast.csv").write_bytes(text.encode())
+    result = load_scenario(path, policies=["tiny"])
+    assert result.avatar_names() == ["A", "B"]
+    assert result.teams == ("red", "one")
+    assert [row.type.text for row in result.groups[0].rows] == ["", "quick"]
+    np.testing.assert_array_equal(place_groups(result)[:2], [[1, 3], [2, 4]])
 
 
 def test_of_very_many_faults_of_a_table_the_first_ones_are_reported(tmp_path):
