@@ -5,6 +5,8 @@
 Thirty avatars play the embedded boxer's motion, each from another moment. Posing is not counted; everything after it,
 to a file under its final name, is, the best of several runs. Building the skin, which happens once in a process, is
 stated apart. Peak memory is what Python and numpy allocate while one file is written, poses not counted.
+
+``clips``: a bank of clips and tracks of ``brawl_30`` at 30 frames a second, everything after the run counted.
 """
 
 from __future__ import annotations
@@ -15,17 +17,24 @@ import os
 import tempfile
 import time
 import tracemalloc
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from _quick import small_policies
 from export import AVATARS, FPS, Posed, best_seconds
 
 from crowdsim.body.anatomy import Build
-from crowdsim.body.skin import build_skin, pose_skins
+from crowdsim.body.skin import build_skin_of, pose_skins
+from crowdsim.export.clips import write_clips
 from crowdsim.export.gltf import write_gltf
+from crowdsim.poses.sampler import PoseSampler
+from crowdsim.preparation.prepare import load_policies
+from crowdsim.runs.runner import run
+from crowdsim.scenario.scenario import load_scenario
 
 
 class Crowd(Posed):
@@ -36,8 +45,10 @@ class Crowd(Posed):
         cast = self.take.cast
         cast.girths, cast.types = np.ones(AVATARS, np.float32), np.zeros(AVATARS, np.int16)
         cast.colours, cast.team_names, cast.type_names = np.full((1, 3), np.nan), ("red", "blue"), ("boxer",)
+        self.policies[0].database.rotations = self._poses.rotations[:, 0]
         none = np.zeros(0)
-        self.take.events = SimpleNamespace(frame=none, attacker=none)
+        self.take.events = SimpleNamespace(frame=none, attacker=none, victim=none, damage=none)
+        self.take.targets = np.zeros((self.take.frame_count, 0, 3))
         self.take.scenario, self.take.seed, self.take.control_rate = "delivery", 0, 60.0
 
 
@@ -56,12 +67,26 @@ def peak(crowd: Any, folder: Path, threads: int) -> float:
     return most / 1e6
 
 
-def measure(frames: int, threads: int, repeats: int) -> dict[str, Any]:
+def clips(frames: int | None, repeats: int) -> dict[str, float]:
+    """Return how long a bank of clips and tracks takes [s], and how large its files are [MB]."""
+    scenario = load_scenario("brawl_30")
+    policies = load_policies(scenario)
+    take = run(scenario if frames is None else scenario.model_copy(update={"duration": frames}), policies)
+    sampler = PoseSampler(take, policies)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        files = write_clips(sampler, folder, 30)
+        seconds = best_seconds(partial(write_clips, sampler, folder, 30), repeats)
+        sizes = {path.name: path.stat().st_size / 1e6 for path in files}
+    return {"seconds": seconds, "frames": take.output_frames(30.0), **sizes}
+
+
+def measure(frames: int, threads: int, repeats: int, run_frames: int | None = None) -> dict[str, Any]:
     """Return times [s], bytes for an avatar in a frame, and memory [MB]."""
     crowd: Any = Crowd(frames)
     database = crowd.policies[0].database
     start = time.perf_counter()
-    skin = build_skin(database.skeleton, database.body, Build())
+    skin = build_skin_of(database, Build())
     outcome: dict[str, Any] = {"build seconds": time.perf_counter() - start, "triangles": len(skin.triangles)}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -81,6 +106,7 @@ def measure(frames: int, threads: int, repeats: int) -> dict[str, Any]:
     outcome["skinning milliseconds"] = 1e3 * best_seconds(
         lambda: pose_skins(skins, skin.matrices(positions, turned, poses.scales)), 20
     )
+    outcome["clips"] = clips(run_frames, repeats)
     return outcome
 
 
@@ -94,7 +120,10 @@ def main() -> None:
     chosen = parser.parse_args()
     if chosen.quick:
         chosen.frames, chosen.repeats = min(chosen.frames, 60), 1
-    outcome = measure(chosen.frames, chosen.threads, chosen.repeats)
+    with ExitStack() as stack:
+        if chosen.quick:
+            stack.enter_context(small_policies())
+        outcome = measure(chosen.frames, chosen.threads, chosen.repeats, 20 if chosen.quick else None)
     if chosen.json:
         print(json.dumps({**vars(chosen), **outcome}, indent=2))
         return
@@ -106,6 +135,9 @@ def main() -> None:
     print(f"  {outcome['triangles']} triangles, built in {outcome['build seconds']:.1f} s")
     print(f"  {AVATARS} skinned on one thread in {outcome['skinning milliseconds']:.1f} ms")
     print(f"  at most {outcome['peak megabytes']:.0f} MB of memory while writing")
+    found = outcome["clips"]
+    sizes = ", ".join(f"{name} {size:.1f} MB" for name, size in found.items() if "." in name)
+    print(f"clips, brawl_30, {found['frames']:.0f} frames at 30 a second: {found['seconds']:.2f} s, {sizes}")
 
 
 if __name__ == "__main__":
