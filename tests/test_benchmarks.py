@@ -37,6 +37,7 @@ KEYS = {
                                               "30.body", "30.capsules")
           for key in ("wall_seconds", "cpu_seconds", "peak_bytes")),
     ],
+    "delivery": ["float32.seconds", "int16.seconds", "clips.seconds", "touches.strikes", "touches.within 2 cm"],
     "training": [
         "value_iteration.ratio_to_quantecon_1t", "value_iteration.ratio_to_quantecon_2t",
         "value_iteration.seconds_both_tables", "q_learning.seconds_both_tables", "q_learning.return_ratio",

@@ -34,6 +34,8 @@ from crowdsim.export.gltf_kernels import pack_rotations
 from crowdsim.export.stream import Block, run_all, stream_poses
 from crowdsim.files import make_folder
 from crowdsim.motion import quaternion
+from crowdsim.motion.database import MotionDatabase
+from crowdsim.motion.skeleton import Skeleton
 from crowdsim.motion.strikes import LIMBS
 from crowdsim.poses.builds import build_skeleton
 from crowdsim.poses.sampler import Poses, PoseSampler
@@ -41,7 +43,7 @@ from crowdsim.scenario.rates import exact_rate
 
 ROTATIONS = {"float32": ("<f4", 1.0), "int16": ("<i2", 32767.0)}
 """How rotations are stored, and what a one becomes."""
-_HELPERS = {"float32": ("<i2", 32767.0), "int16": ("i1", 127.0)}
+HELPER_ROTATIONS = {"float32": ("<i2", 32767.0), "int16": ("i1", 127.0)}
 """Helpers only move a fold of skin, for which fewer digits are enough."""
 _COMPONENTS = {"|i1": 5120, "|u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125, "<f4": 5126}
 _KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
@@ -121,7 +123,7 @@ class GltfSink:
         self._places: dict[int, _Place] = {}
         self._stills: dict[int, tuple[Array, Array]] = {}
         self._rows, self._cameras = 0, cameras
-        self._shared = _Shared(path, self._describe(there))
+        self._shared = GltfFile(path, self._describe(there))
 
     @property
     def total(self) -> int:
@@ -174,7 +176,7 @@ class GltfSink:
         helpers = place.skin.helper_rotations(local)
         for rotations, last, kinds, at in (
             (local[:, place.moving], place.last[:-HELPERS], ROTATIONS, place.joints),
-            (helpers.astype(np.float32), place.last[-HELPERS:], _HELPERS, place.helpers),
+            (helpers.astype(np.float32), place.last[-HELPERS:], HELPER_ROTATIONS, place.helpers),
         ):
             dtype, one = kinds[self._rotations]
             packed = np.empty((1, rotations.shape[1], len(roots), 4), dtype)
@@ -194,15 +196,14 @@ class GltfSink:
         """Remove what is half-written."""
         self._shared.abandon()
 
-    def _describe(self, there: dict[int, Array]) -> _Document:
+    def _describe(self, there: dict[int, Array]) -> Document:
         """Lay out the file: all that is in it but frames, and places for these."""
         take, cast = self._sampler.take, self._sampler.take.cast
-        document = _Document()
-        times = document.add(_times(np.arange(self._frames), self._fps), limits=True)
-        skins: dict[tuple[Any, ...], tuple[Skin, dict[str, int], list[tuple[int, int]]]] = {}
+        document = Document()
+        times = document.add(key_times(np.arange(self._frames), self._fps), limits=True)
+        skins: dict[tuple[Any, ...], AddedSkin] = {}
         channels: list[dict[str, Any]] = []
         samplers: list[dict[str, Any]] = []
-        looks: dict[tuple[int, bytes], int] = {}
 
         def animate(node: int, path: str, output: int, moments: int = times, steps: bool = False) -> None:
             samplers.append({"input": moments, "output": output, **({"interpolation": "STEP"} if steps else {})})
@@ -215,8 +216,10 @@ class GltfSink:
             lengths, girth = cast.stretches[number][motion.segments], float(cast.girths[number])
             key = policy, build, girth, *cast.stretches[number]
             if key not in skins:
-                skins[key] = self._add_skin(document, policy, build, girth, lengths, skins)
-            skin, attributes, primitives = skins[key]
+                skin = build_skin_of(self._sampler.policies[policy].database, build).shaped(girth, lengths)
+                alike = next((value for key, value in skins.items() if key[:2] == (policy, build)), None)
+                skins[key] = document.add_skin(skin, alike)
+            skin = skins[key].skin
             skeleton = build_skeleton(motion.skeleton, motion.segments, cast.stretches[number].astype(float))
             name = str(cast.names[number])
             scale = float(cast.scales[number])
@@ -228,43 +231,13 @@ class GltfSink:
             for key_, names, index in (("team", teams, "teams"), ("type", getattr(cast, "type_names", ()), "types")):
                 if len(names):
                     extras[key_] = str(names[int(getattr(cast, index)[number])])
-            document.nodes.append({"name": name, "scale": [scale] * 3, "children": [first + 1], "extras": extras})
-            parents = [*skin.parents, *skin.parents[skin.helpers]]
-            offsets = np.concatenate([skeleton.offsets, skeleton.offsets[skin.helpers]])
-            names_ = [*skeleton.names, *(f"{skeleton.names[joint]}Half" for joint in skin.helpers)]
-            local = quaternion.multiply(quaternion.conjugate(skin.rotations[parents]), skin.rotations)
-            local[0] = skin.rotations[0]
             moving, still = self._moving(policy)
-            local[:joints][~moving] = still[~moving]
-            for joint in range(joints + HELPERS):
-                below = [first + 1 + child for child, parent in enumerate(parents) if parent == joint]
-                w, x, y, z = (round(float(value), 5) for value in local[joint])
-                document.nodes.append({
-                    "name": names_[joint],
-                    "translation": [round(float(value), 7) for value in offsets[joint]],
-                    **({"rotation": [x, y, z, w]} if w != 1.0 else {}),
-                    **({"children": below} if below else {}),
-                })  # fmt: skip
-            document.json["skins"].append({
-                "name": name,
-                "inverseBindMatrices": attributes["bindings"],
-                "skeleton": first + 1,
-                "joints": list(range(first + 1, first + 1 + joints + HELPERS)),
-            })  # fmt: skip
             colour = np.asarray(cast.colours, float)[cast.types[number]] if teams else None
             paints = colours(number, int(cast.teams[number]), colour)
-            document.json["meshes"].append({"name": name, "primitives": [
-                {
-                    "attributes": {key: value for key, value in attributes.items() if key.isupper()},
-                    "indices": indices,
-                    "material": document.material(looks, part, paints[part]),
-                }
-                for part, indices in primitives
-            ]})  # fmt: skip
-            skinned = len(document.json["meshes"]) - 1
-            document.nodes.append({"name": f"{name} skin", "mesh": skinned, "skin": skinned})
-            document.json["scenes"][0]["nodes"] += [first, len(document.nodes) - 1]
-            kinds = ROTATIONS[self._rotations], _HELPERS[self._rotations]
+            document.add_body(
+                name, skeleton, skins[key], np.where(moving[:, None], np.nan, still), paints, scale, extras
+            )
+            kinds = ROTATIONS[self._rotations], HELPER_ROTATIONS[self._rotations]
             root, where = document.reserve(self._frames, 1, "<f4", 3)
             last = np.tile([1.0, 0.0, 0.0, 0.0], (int(moving.sum()) + HELPERS, 1))
             place = _Place(skin, moving, where, 0, 0, np.zeros(3), last)
@@ -281,7 +254,7 @@ class GltfSink:
             if not rows.all():
                 changes = np.append(0, np.flatnonzero(np.diff(rows)) + 1)
                 shown = np.where(rows[changes], np.float32(scale), np.float32(0.0))
-                moments = document.add(_times(changes, self._fps), limits=True)
+                moments = document.add(key_times(changes, self._fps), limits=True)
                 animate(first, "scale", document.add(np.repeat(shown[:, None], 3, axis=1)), moments, steps=True)
         self._add_targets(document, animate)
         for camera in self._cameras:
@@ -292,54 +265,10 @@ class GltfSink:
         return document
 
     def _moving(self, policy: int) -> tuple[Array, Array]:
-        """Which joints of a policy are animated (J,), and the rotation of those that never move (J, 4).
-
-        Fingers, eyes and the like, beyond the hands and the head, are left out where motion never moves them: poses
-        are not changed there.
-        """
+        """Return ``moving_joints`` of a policy."""
         if policy not in self._stills:
-            database = self._sampler.policies[policy].database
-            parents = database.skeleton.parents
-            moving, still = np.ones(len(parents), bool), np.zeros((len(parents), 4))
-            ends = [database.body.roles[role] for role in ("head", "left_hand", "right_hand")]
-            beyond = np.zeros(len(parents), bool)
-            for child, parent in enumerate(parents):
-                beyond[child] = parent >= 0 and (beyond[parent] or parent in ends)
-            for joint in np.flatnonzero(beyond):
-                own = np.asarray(database.rotations[:, joint])
-                moving[joint] = bool(np.ptp(own, axis=0).max() > _STILL)
-                still[joint] = own[0]
-            self._stills[policy] = moving, still
+            self._stills[policy] = moving_joints(self._sampler.policies[policy].database)
         return self._stills[policy]
-
-    def _add_skin(
-        self, document: _Document, policy: int, build: Build, girth: float, lengths: Array, known: dict[Any, Any]
-    ) -> tuple[Skin, dict[str, int], list[tuple[int, int]]]:
-        """Add the vertices of a shape; what shapes of one build share is there once."""
-        database = self._sampler.policies[policy].database
-        skin = build_skin_of(database, build).shaped(girth, lengths)
-        alike = next((value for key, value in known.items() if key[:2] == (policy, build)), None)
-        if alike is None:
-            shared = {
-                "JOINTS_0": document.add(skin.joints, _VERTICES),
-                "WEIGHTS_0": document.add(_whole_weights(skin.weights), _VERTICES),
-            }
-            primitives = [
-                (int(part), document.add(skin.triangles[skin.parts == part].astype("<u2").ravel(), _INDICES))
-                for part in np.unique(skin.parts)
-            ]
-        else:
-            shared, primitives = {key: alike[1][key] for key in ("JOINTS_0", "WEIGHTS_0")}, alike[2]
-        matrices = np.zeros((len(skin.positions), 4, 4), "<f4")
-        matrices[:, :3] = skin.inverse_bindings()
-        matrices[:, 3, 3] = 1.0
-        attributes = {
-            "POSITION": document.add(skin.vertices, _VERTICES, limits=True),
-            "NORMAL": document.add(skin.normals, _VERTICES),
-            **shared,
-            "bindings": document.add(np.ascontiguousarray(matrices.transpose(0, 2, 1)).reshape(-1, 16)),
-        }
-        return skin, attributes, primitives
 
     def _seconds(self) -> Array:
         """Return the time of every strike of the take from the first frame of the file on [s]."""
@@ -357,7 +286,7 @@ class GltfSink:
         times, last = np.unique(np.maximum(np.round(seconds[rows], 4), 0.0)[::-1], return_index=True)
         return [[float(time), round(float(value), 3)] for time, value in zip(times, points[::-1][last], strict=True)]
 
-    def _add_targets(self, document: _Document, animate: Callable[[int, str, int], None]) -> None:
+    def _add_targets(self, document: Document, animate: Callable[[int, str, int], None]) -> None:
         """Add a ball for each scripted target."""
         take = self._sampler.take
         control = np.arange(self.start, self.stop) / float(self._fps) * take.control_rate
@@ -410,7 +339,17 @@ class _Place:
     last: Array
 
 
-class _Document:
+@dataclass(frozen=True)
+class AddedSkin:
+    """A skin in a file, with the accessors of its vertices, of the triangles of each of its parts, and its bindings."""
+
+    skin: Skin
+    attributes: dict[str, int]
+    primitives: list[tuple[int, int]]
+    bindings: int
+
+
+class Document:
     """The description of a file, its constant data, and places for its frames."""
 
     def __init__(self) -> None:
@@ -427,6 +366,7 @@ class _Document:
             "bufferViews": [],
         }
         self.constant: list[tuple[int, bytes]] = []
+        self.materials: dict[tuple[int, bytes], int] = {}
         self.size = 0
 
     def add(self, values: Array, target: int | None = None, limits: bool = False) -> int:
@@ -464,6 +404,86 @@ class _Document:
         self.size += -(-each * count // 4) * 4
         last = len(self.json["accessors"])
         return list(range(last - count, last)), start
+
+    def add_skin(self, skin: Skin, alike: AddedSkin | None = None) -> AddedSkin:
+        """Add the vertices of a shape; what it shares with one of the same build is there once."""
+        if alike is None:
+            shared = {
+                "JOINTS_0": self.add(skin.joints, _VERTICES),
+                "WEIGHTS_0": self.add(_whole_weights(skin.weights), _VERTICES),
+            }
+            primitives = [
+                (int(part), self.add(skin.triangles[skin.parts == part].astype("<u2").ravel(), _INDICES))
+                for part in np.unique(skin.parts)
+            ]
+        else:
+            shared, primitives = {key: alike.attributes[key] for key in ("JOINTS_0", "WEIGHTS_0")}, alike.primitives
+        matrices = np.zeros((len(skin.positions), 4, 4), "<f4")
+        matrices[:, :3] = skin.inverse_bindings()
+        matrices[:, 3, 3] = 1.0
+        attributes = {
+            "POSITION": self.add(skin.vertices, _VERTICES, limits=True),
+            "NORMAL": self.add(skin.normals, _VERTICES),
+            **shared,
+        }
+        bindings = self.add(np.ascontiguousarray(matrices.transpose(0, 2, 1)).reshape(-1, 16))
+        return AddedSkin(skin, attributes, primitives, bindings)
+
+    def add_body(
+        self,
+        name: str,
+        skeleton: Skeleton,
+        added: AddedSkin,
+        rotations: Array,
+        paints: Array,
+        scale: float,
+        extras: dict[str, Any],
+    ) -> int:
+        """Add a tree of joints, and a skinned mesh beside it, to the root of the scene; return the tree's node.
+
+        The joints follow the node, helpers last.
+
+        Args:
+            name: Name of the body.
+            skeleton: Its skeleton.
+            added: Its skin.
+            rotations: Local rotations of joints; NaN for those of the binding pose. Shape (J, 4).
+            paints: Colour of each part of a skin, sRGB. Shape (P, 3).
+            scale: Its size.
+            extras: What its node says of it.
+        """
+        skin, first = added.skin, len(self.nodes)
+        self.nodes.append({"name": name, "scale": [scale] * 3, "children": [first + 1], "extras": extras})
+        parents = [*skin.parents, *skin.parents[skin.helpers]]
+        offsets = np.concatenate([skeleton.offsets, skeleton.offsets[skin.helpers]])
+        names = [*skeleton.names, *(f"{skeleton.names[joint]}Half" for joint in skin.helpers)]
+        local = quaternion.multiply(quaternion.conjugate(skin.rotations[parents]), skin.rotations)
+        local[0] = skin.rotations[0]
+        given = np.isfinite(rotations[:, 0])
+        local[: len(rotations)][given] = rotations[given]
+        for joint in range(len(parents)):
+            below = [first + 1 + child for child, parent in enumerate(parents) if parent == joint]
+            w, x, y, z = (round(float(value), 5) for value in local[joint])
+            self.nodes.append({
+                "name": names[joint],
+                "translation": [round(float(value), 7) for value in offsets[joint]],
+                **({"rotation": [x, y, z, w]} if w != 1.0 else {}),
+                **({"children": below} if below else {}),
+            })  # fmt: skip
+        self.json["skins"].append({
+            "name": name,
+            "inverseBindMatrices": added.bindings,
+            "skeleton": first + 1,
+            "joints": list(range(first + 1, first + 1 + len(parents))),
+        })  # fmt: skip
+        self.json["meshes"].append({"name": name, "primitives": [
+            {"attributes": added.attributes, "indices": indices, "material": self.material(part, paints[part])}
+            for part, indices in added.primitives
+        ]})  # fmt: skip
+        skinned = len(self.json["meshes"]) - 1
+        self.nodes.append({"name": f"{name} skin", "mesh": skinned, "skin": len(self.json["skins"]) - 1})
+        self.json["scenes"][0]["nodes"] += [first, len(self.nodes) - 1]
+        return first
 
     def add_camera(self, camera: CameraPath, animate: Callable[[int, str, int], None]) -> None:
         """Add a camera, a node that moves, at the root of the scene."""
@@ -508,9 +528,9 @@ class _Document:
         })  # fmt: skip
         return len(self.json["meshes"]) - 1
 
-    def material(self, known: dict[tuple[int, bytes], int], part: int, colour: Array) -> int:
+    def material(self, part: int, colour: Array) -> int:
         """Return the material of a part in a colour."""
-        key = part, np.round(colour, 4).tobytes()
+        key, known = (part, np.round(colour, 4).tobytes()), self.materials
         if key not in known:
             known[key] = len(self.json["materials"])
             self.json["materials"].append({
@@ -524,10 +544,10 @@ class _Document:
         return known[key]
 
 
-class _Shared:
+class GltfFile:
     """The file while it is written, of a sink or of the parts that one was split into."""
 
-    def __init__(self, path: Path, document: _Document) -> None:
+    def __init__(self, path: Path, document: Document) -> None:
         self.open, self._path, self._constant = 1, path, document.constant
         self._partial = path.with_name(f".{path.name[:100]}.{uuid.uuid4().hex}.part")
         self._file: BinaryIO | None = None
@@ -673,6 +693,25 @@ class SplitGltfSink:
         return sinks
 
 
+def moving_joints(database: MotionDatabase) -> tuple[Array, Array]:
+    """Return which joints of motion are animated (J,), and the rotation of those that never move (J, 4).
+
+    Fingers, eyes and the like, beyond the hands and the head, are left out where motion never moves them: poses are not
+    changed there.
+    """
+    parents = database.skeleton.parents
+    moving, still = np.ones(len(parents), bool), np.zeros((len(parents), 4))
+    ends = [database.body.roles[role] for role in ("head", "left_hand", "right_hand")]
+    beyond = np.zeros(len(parents), bool)
+    for child, parent in enumerate(parents):
+        beyond[child] = parent >= 0 and (beyond[parent] or parent in ends)
+    for joint in np.flatnonzero(beyond):
+        own = np.asarray(database.rotations[:, joint])
+        moving[joint] = bool(np.ptp(own, axis=0).max() > _STILL)
+        still[joint] = own[0]
+    return moving, still
+
+
 def write_gltf(
     sampler: PoseSampler,
     path: Path,
@@ -717,6 +756,6 @@ def _whole_weights(weights: Array) -> Array:
     return whole.astype("<u2")
 
 
-def _times(frames: Array, fps: Fraction) -> Array:
+def key_times(frames: Array, fps: Fraction) -> Array:
     """Times of frames [s], float32."""
     return (np.asarray(frames, float) * fps.denominator / fps.numerator).astype("<f4")

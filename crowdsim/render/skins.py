@@ -22,8 +22,8 @@ BODY_SCALE, LEAST_SCALE = 36.0, 8.0
 """Pixels a metre from which avatars are drawn as bodies by ``auto``, and by ``body``."""
 _FINE_SCALE, _COARSENESS = 160.0, 1.7
 """Pixels a metre from which bodies have their whole skin, and how many times as long its edges are below."""
-_KEPT_SETS, _KEPT_SHAPES = 4, 512
-"""Sets of avatars, and shapes of avatars, that are kept."""
+_KEPT_SETS, _KEPT_TRIANGLES, _KEPT_SHAPES = 4, 4_000_000, 512
+"""Sets of avatars that are kept, as far as they have no more triangles in all, and shapes of avatars."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,10 @@ class SkinCast:
         with self._lock:
             if key not in self._sets:
                 self._sets[key] = self._join(avatars, fine)
-                while len(self._sets) > _KEPT_SETS:
+                while len(self._sets) > 1 and (
+                    len(self._sets) > _KEPT_SETS
+                    or sum(len(one.triangles) for one in self._sets.values()) > _KEPT_TRIANGLES
+                ):
                     del self._sets[next(iter(self._sets))]
             return self._sets[key]
 

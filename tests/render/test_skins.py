@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from pydantic import ValidationError
 from render_sources import Walkers
 
 from crowdsim.body.anatomy import Build
@@ -13,7 +14,10 @@ from crowdsim.body.skin import build_skin
 from crowdsim.errors import CrowdsimError
 from crowdsim.motion.body import build_body
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.outputs.render import RenderOutput
 from crowdsim.performer.session import perform
+from crowdsim.render import skins as render_skins
+from crowdsim.render.command import scenario_options
 from crowdsim.render.look import Look
 from crowdsim.render.raycast import Capsules, PosedSkins, draw, sun_direction
 from crowdsim.render.skins import BODY_SCALE
@@ -257,6 +261,25 @@ def test_a_figure_that_there_is_not_is_refused():
     with pytest.raises(CrowdsimError) as caught:
         Look(figure="bodies")
     assert str(caught.value).startswith("figure 'bodies': expected auto, body, capsules")
+
+
+def test_a_scenario_names_the_figure_and_so_does_the_command_that_draws_it_again():
+    output = RenderOutput(fps=30.0, figure="body")
+    assert scenario_options(output).look.figure == "body"
+    words = output.command("run")
+    assert words[words.index("--figure") + 1] == "body"
+    assert "--figure" not in RenderOutput(fps=30.0).command("run")
+    with pytest.raises(ValidationError, match="figure"):
+        RenderOutput(figure="bodies")
+
+
+def test_large_sets_of_bodies_are_forgotten(fighters, monkeypatch):
+    monkeypatch.setattr(render_skins, "_KEPT_TRIANGLES", 1)
+    stage = build_stage(Fighters((0.0, 1.0)), SIZE, "front")
+    for scales in ([100.0, 0.0], [0.0, 100.0], [100.0, 100.0], [100.0, 0.0]):
+        found = stage.skins.pose(stage.source.poses(0), np.array(scales), BODY_SCALE)
+        assert found.avatars.tolist() == np.flatnonzero(scales).tolist()
+        assert len(stage.skins._sets) == 1
 
 
 def test_skins_are_carried_as_their_matrices_say(fighters):

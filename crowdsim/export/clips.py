@@ -1,0 +1,411 @@
+"""A take as a bank of clips and a track for each avatar, for engines that play thousands of avatars.
+
+The bank is one ``.glb`` of a skinned body for each policy, with the clips that the take plays as animations: only what
+is played of them, each once, in place, which is as seen from the ground transform. A track says which clip an avatar
+plays from when on, how long clips blend, and where its ground transform is at every output frame. Layers that let
+bodies meet one another and the floor are left out.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
+from importlib.util import find_spec
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from crowdsim.body.anatomy import Build
+from crowdsim.body.looks import colours
+from crowdsim.body.skin import build_skin_of
+from crowdsim.core.types import Array
+from crowdsim.core.workers import share
+from crowdsim.errors import OutputError
+from crowdsim.export.gltf import HELPER_ROTATIONS, ROTATIONS, Document, GltfFile, key_times, moving_joints
+from crowdsim.export.gltf_kernels import pack_rotations
+from crowdsim.export.stream import Block
+from crowdsim.poses.kernels.blending import BLEND, blend_poses
+from crowdsim.poses.kernels.records import Moments, Posed
+from crowdsim.poses.layers.blend import Blend
+from crowdsim.poses.sampler import PoseSampler
+from crowdsim.scenario.rates import exact_rate, rate_text
+
+VERSION = 1
+"""Of the tracks."""
+BANK, TRACKS, PARQUET = "bank.glb", "tracks.json", "tracks.parquet"
+_AT_ONCE = 256
+"""Avatars whose tracks are worked out at once."""
+
+
+def clip_files() -> list[str]:
+    """Return the names of the files: tracks come as Parquet too where pyarrow is installed."""
+    return [BANK, TRACKS] + [PARQUET] * (find_spec("pyarrow") is not None)
+
+
+class Segment(NamedTuple):
+    """Motion that an avatar plays as captured, until the next segment.
+
+    Attributes:
+        frame: Playback frame with which it begins.
+        start: When, from the first output frame on [s].
+        before: How long before that the blend from the segment before begins [s].
+        after: How long after it the blend lasts [s].
+        stop: When the next segment begins, or the avatar leaves [s].
+    """
+
+    frame: float
+    start: float
+    before: float
+    after: float
+    stop: float
+
+
+class ClipSink:
+    """Writes a bank of clips and tracks; a ``Sink`` that poses avatars itself, without layers of contacts.
+
+    Args:
+        sampler: Poses of the take.
+        folder: Folder of the files, which is there when the first is written.
+        fps: Output frames a second, at which tracks say where avatars are.
+        frames: First output frame and one past the last; all when None.
+        avatars: Numbers of the avatars; all when None.
+        rotations: ``float32``, or ``int16``, which takes half the place.
+    """
+
+    kind, reads_joints, margin = "clips", False, 0
+
+    def __init__(
+        self,
+        sampler: PoseSampler,
+        folder: Path,
+        fps: float | Fraction,
+        frames: tuple[int, int] | None = None,
+        avatars: Sequence[int] | Array | None = None,
+        rotations: str = "float32",
+    ) -> None:
+        take = sampler.take
+        self.start, self.stop = frames or (0, take.output_frames(float(fps)))
+        self.avatars: Array = np.zeros(0, np.int64)  # blocks need no poses
+        self._numbers: Array = np.arange(take.avatar_count) if avatars is None else np.unique(np.asarray(avatars))
+        self._sampler, self._folder, self._fps, self._rotations = sampler, folder, exact_rate(fps), rotations
+        # x, height by which longer legs lift the body, z, heading.
+        self._roots = np.full((self.stop - self.start, len(self._numbers), 4), np.nan, np.float32)
+        self._rows = 0
+
+    @property
+    def total(self) -> int:
+        """Number of files."""
+        return len(clip_files())
+
+    @property
+    def done(self) -> int:
+        """Their share that is worked out so far."""
+        return self.total * self._rows // (self.stop - self.start)
+
+    def split(self, most: int) -> list[ClipSink]:
+        """Return itself: there is one bank."""
+        return [self]
+
+    def write(self, block: Block, pool: ThreadPoolExecutor) -> None:
+        """Work out where avatars are in a block of frames."""
+        low, high = max(block.first_output, self.start), min(block.stop_output, self.stop)
+        times = np.arange(low, high) / float(self._fps)
+        for policy, some in self._groups():
+            roots, headings = self._ground(policy, self._numbers[some], times)
+            here = self._roots[low - self.start : high - self.start]
+            here[:, some, :3], here[:, some, 3] = roots, headings
+        self._rows = high - self.start
+
+    def close(self) -> list[Path]:
+        """Write the files and return them."""
+        segments = {
+            int(number): found
+            for policy, some in self._groups()
+            for number, found in zip(self._numbers[some], self._segments(policy, self._numbers[some]), strict=True)
+        }
+        clips = self._used_clips(segments)
+        file = GltfFile(self._folder / BANK, self._bank(clips))
+        try:
+            file.begin()
+            written = file.close()
+        except BaseException:
+            file.abandon()
+            raise
+        head = self._head(clips)
+        write_tracks = [(TRACKS, self._write_json), (PARQUET, self._write_parquet)]
+        for name, write in write_tracks[: len(clip_files()) - 1]:
+            path = self._folder / name
+            partial = path.with_name(f".{name}.{uuid.uuid4().hex}.part")
+            try:
+                write(partial, head, lambda: self._tracks(segments, clips))
+                os.replace(partial, path)
+            except OSError as error:
+                raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error
+            finally:
+                partial.unlink(missing_ok=True)
+            written.append(path)
+        return written
+
+    def abandon(self) -> None:
+        """Do nothing: no file is begun before all is known."""
+
+    def _groups(self) -> Iterator[tuple[int, Array]]:
+        """Yield policies and some of their avatars, as indices."""
+        owners = self._sampler.take.cast.policies[self._numbers]
+        for policy in np.unique(owners):
+            mine = np.flatnonzero(owners == policy)
+            for low in range(0, len(mine), _AT_ONCE):
+                yield int(policy), mine[low : low + _AT_ONCE]
+
+    def _ground(self, policy: int, avatars: Array, times: Array) -> tuple[Array, Array]:
+        """Return ground transforms with their blends: x, lift and z (T, n, 3) [m], and headings (T, n)."""
+        moments = Moments(np.arange(len(avatars)), times[:, None])
+        part = self._sampler.poser.part(policy, avatars, moments, Blend.name)
+        motion, transitions = part.window.motion, part.window.transitions
+        # The root of a body of one joint that never moves is its ground transform.
+        still = np.zeros((len(motion.frames.rotations), 1, 4), np.float32)
+        still[..., 0] = 1.0
+        frames = motion.frames._replace(rotations=still, roots=np.zeros_like(motion.frames.roots))
+        signs = np.ones((len(transitions.times), 2), np.int8)
+        signs[:, -1] = 0
+        hinges = motion.hinges._replace(**{name: values[:0] for name, values in motion.hinges._asdict().items()})
+        shape = len(times), len(avatars)
+        poses = Posed(np.empty((*shape, 3), np.float32), np.empty((*shape, 1, 4), np.float32))
+        share(len(avatars), blend_poses, moments, part.playback, part.window.rows, frames,
+              transitions._replace(signs=signs), hinges, poses)  # fmt: skip
+        return poses.roots, 2.0 * np.arctan2(poses.rotations[..., 0, 2], poses.rotations[..., 0, 0])
+
+    def _segments(self, policy: int, avatars: Array) -> list[list[Segment]]:
+        """Return the segments of avatars of a policy."""
+        fps, rate = float(self._fps), self._sampler.take.control_rate
+        begin, end = self.start / fps, (self.stop - 1) / fps
+        window = self._sampler.poser.window(policy, avatars, np.array([begin, end]), BLEND)
+        rows, transitions, stride = window.rows, window.transitions, window.motion.frames.stride
+        found = []
+        for column in range(len(avatars)):
+            present = np.concatenate([[False], rows.present[:, column], [False]])
+            comes, leaves = (np.flatnonzero(present[1:] & ~present[:-1]), np.flatnonzero(present[:-1] & ~present[1:]))
+            mine = slice(transitions.starts[column], transitions.starts[column + 1])
+            segments: list[Segment] = []
+            for first, stop in zip(comes, leaves, strict=True):
+                since, until = (rows.first + first) / rate, (rows.first + stop) / rate
+                frame = rows.origins[first, column] + rows.phase[first, column] * stride
+                own = [(float(frame), since, 0.0, 0.0)]
+                for time, after, (ahead, behind) in zip(
+                    transitions.times[mine], transitions.after[mine], transitions.spans[mine], strict=True
+                ):
+                    if since < time < until:
+                        own.append((float(after), float(time), float(ahead), float(behind)))
+                stops = [time for _, time, _, _ in own[1:]] + [until]
+                # Of those that are over before the first output frame, or begin after the last, none is seen.
+                segments += [
+                    Segment(frame, time - begin, ahead, behind, stop - begin)
+                    for (frame, time, ahead, behind), stop in zip(own, stops, strict=True)
+                    if stop + BLEND >= begin and time - BLEND <= end
+                ]
+            found.append(segments)
+        return found
+
+    def _used_clips(self, segments: dict[int, list[Segment]]) -> dict[int, Array]:
+        """Return the stretches of playback frames that avatars of each policy play, first and last. Shape (n, 2)."""
+        cast, used = self._sampler.take.cast, {}
+        for number, own in segments.items():
+            policy = int(cast.policies[number])
+            frames = self._sampler.motions[policy].frames
+            if policy not in used:
+                used[policy] = np.zeros(len(frames.rotations), bool)
+            pace = float(cast.speeds[number]) * frames.rate
+            for segment, after in zip(own, [*own[1:], None], strict=True):
+                first, last = frames.bounds[int(segment.frame)]
+                tail = after.after if after is not None and after.before + after.after > 0.0 else 0.0
+                low = segment.frame - pace * segment.before - 1
+                high = segment.frame + pace * (segment.stop - segment.start + tail) + 2
+                used[policy][max(int(low), first) : min(int(high), last) + 1] = True
+        found = {}
+        for policy, mask in used.items():
+            bounds = self._sampler.motions[policy].frames.bounds
+            cuts = np.flatnonzero(np.diff(mask.astype(np.int8), prepend=0, append=0))
+            stretches = []
+            for low, high in zip(cuts[::2], cuts[1::2] - 1, strict=True):
+                # A stretch ends where its clip does.
+                ends = [low, *(np.flatnonzero(np.diff(bounds[low : high + 1, 0])) + low + 1), high + 1]
+                stretches += [(one, other - 1) for one, other in pairwise(ends)]
+            found[policy] = np.array(stretches, np.int64).reshape(-1, 2)
+        return found
+
+    def _bank(self, clips: dict[int, Array]) -> Document:
+        """Lay out the bank."""
+        document, sampler = Document(), self._sampler
+        animations, moments = list[dict[str, Any]](), dict[tuple[int, float], int]()
+        for policy, stretches in clips.items():
+            database, motion = sampler.policies[policy].database, sampler.motions[policy]
+            added = document.add_skin(build_skin_of(database, Build()))
+            moving, still = moving_joints(database)
+            rest = np.where(moving[:, None], np.nan, still)
+            name = str(sampler.take.cast.policy_names[policy])
+            first = document.add_body(name, database.skeleton, added, rest, colours(0, 0), 1.0, {"policy": name})
+            halves = first + 1 + len(moving) + np.arange(len(added.skin.helpers))
+            for low, high in stretches:
+                span = slice(low, high + 1)
+                key = int(high + 1 - low), motion.frames.rate
+                if key not in moments:
+                    times = key_times(np.arange(key[0]), exact_rate(motion.frames.rate))
+                    moments[key] = document.add(times, limits=True)
+                local = motion.frames.rotations[span]
+                keys = [(first + 1, "translation", document.add(motion.frames.roots[span].astype("<f4")))]
+                for nodes, rotations, kinds in (
+                    (first + 1 + np.flatnonzero(moving), local[:, moving], ROTATIONS),
+                    (halves, added.skin.helper_rotations(local).astype(np.float32), HELPER_ROTATIONS),
+                ):
+                    dtype, one = kinds[self._rotations]
+                    packed = np.empty((1, len(nodes), len(local), 4), dtype)
+                    last = np.ascontiguousarray(rotations[:1], dtype=np.float64)
+                    pack_rotations(0, 1, np.ascontiguousarray(rotations[:, None]), last, one, packed)
+                    for node, values in zip(nodes.tolist(), packed[0], strict=True):
+                        keys.append((node, "rotation", document.add(values)))
+                animations.append({
+                    "name": f"{name}/{len(animations)}",
+                    "samplers": [{"input": moments[key], "output": output} for _, _, output in keys],
+                    "channels": [
+                        {"sampler": number, "target": {"node": node, "path": path}}
+                        for number, (node, path, _) in enumerate(keys)
+                    ],
+                })  # fmt: skip
+        document.json["animations"] = animations
+        document.json["scenes"][0]["name"] = str(sampler.take.scenario)
+        return document
+
+    def _head(self, clips: dict[int, Array]) -> dict[str, Any]:
+        """Return what tracks have in common."""
+        sampler, head = self._sampler, []
+        for skeleton, (policy, stretches) in enumerate(clips.items()):
+            database, frames = sampler.policies[policy].database, sampler.motions[policy].frames
+            starts = np.asarray(database.clip_starts) * frames.stride
+            for low, high in stretches:
+                clip = int(np.searchsorted(starts, low, side="right")) - 1
+                head.append({
+                    "skeleton": skeleton, "frames": int(high + 1 - low), "rate": frames.rate,
+                    "of": database.clip_names[clip], "first": int(low - starts[clip]),
+                })  # fmt: skip
+        skeletons = [
+            {
+                "name": str(sampler.take.cast.policy_names[policy]),
+                "joints": list(sampler.motions[policy].skeleton.names),
+                "parents": np.asarray(sampler.motions[policy].skeleton.parents).tolist(),
+                "sizes": sampler.motions[policy].segments.tolist(),
+            }
+            for policy in clips
+        ]
+        return {
+            "version": VERSION, "units": "metres, seconds, radians, y up", "bank": BANK,
+            "scenario": str(sampler.take.scenario), "fps": rate_text(float(self._fps)), "first_frame": self.start,
+            "frames": self.stop - self.start, "skeletons": skeletons, "clips": head,
+        }  # fmt: skip
+
+    def _tracks(self, segments: dict[int, list[Segment]], clips: dict[int, Array]) -> Iterator[dict[str, Any]]:
+        """Yield the tracks of the avatars that are there."""
+        cast = self._sampler.take.cast
+        before = dict(zip(clips, np.cumsum([0, *map(len, clips.values())]), strict=False))
+        for column, number in enumerate(self._numbers.tolist()):
+            roots = self._roots[:, column].astype(float)
+            there = np.flatnonzero(np.isfinite(roots[:, 0]))
+            if not len(there):
+                continue
+            roots[there, 3] = np.unwrap(roots[there, 3])
+            policy = int(cast.policies[number])
+            stretches, rate = clips[policy], self._sampler.motions[policy].frames.rate
+            rows = []
+            for segment in segments[number]:
+                clip = int(np.searchsorted(stretches[:, 0], segment.frame, side="right")) - 1
+                since = (segment.frame - stretches[clip, 0]) / rate
+                rows.append([int(before[policy]) + clip, *(round(value, 5) for value in (segment.start, since)),
+                             *(round(value, 5) for value in (segment.before, segment.after))])  # fmt: skip
+            track: dict[str, Any] = {"name": str(cast.names[number]), "avatar": number}
+            for key, names, index in (("team", cast.team_names, "teams"), ("type", cast.type_names, "types")):
+                if len(names):
+                    track[key] = str(names[int(getattr(cast, index)[number])])
+            scale = float(cast.scales[number])
+            yield track | {
+                "skeleton": list(clips).index(policy),
+                "speed": round(float(cast.speeds[number]), 6),
+                "girth": round(float(cast.girths[number]), 6),
+                "sizes": [round(scale * float(value), 6) for value in cast.stretches[number]],
+                "first": int(there[0]),
+                "segments": rows,
+                "roots": roots[there[0] : there[-1] + 1],
+            }
+
+    def _write_json(self, path: Path, head: dict[str, Any], tracks: Callable[[], Iterator[dict[str, Any]]]) -> None:
+        """Write tracks as JSON, an avatar a line."""
+        with open(path, "x", encoding="utf-8") as file:
+            file.write(json.dumps(head, ensure_ascii=False)[:-1] + ', "avatars": [')
+            for number, track in enumerate(tracks()):
+                rows = [
+                    [round(value, 4) for value in row] if row[0] == row[0] else None for row in track["roots"].tolist()
+                ]
+                file.write(",\n" if number else "\n")
+                file.write(json.dumps(track | {"roots": rows}, ensure_ascii=False, separators=(",", ":")))
+            file.write("\n]}\n")
+
+    def _write_parquet(self, path: Path, head: dict[str, Any], tracks: Callable[[], Iterator[dict[str, Any]]]) -> None:
+        """Write tracks as Parquet, an avatar a row; what they have in common is JSON in the schema's metadata."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        segment = pa.struct([
+            ("clip", pa.int32()), *((name, pa.float32()) for name in ("start", "from", "before", "after")),
+        ])  # fmt: skip
+        root = pa.struct([(name, pa.float32()) for name in ("x", "lift", "z", "heading")])
+        schema = pa.schema(
+            [
+                ("name", pa.string()), ("avatar", pa.int32()), ("team", pa.string()), ("type", pa.string()),
+                ("skeleton", pa.int32()), ("speed", pa.float32()), ("girth", pa.float32()),
+                ("sizes", pa.list_(pa.float32())), ("first", pa.int32()), ("segments", pa.list_(segment)),
+                ("roots", pa.list_(root)),
+            ],
+            metadata={"crowdsim": json.dumps(head, ensure_ascii=False)},
+        )  # fmt: skip
+        with pq.ParquetWriter(path, schema) as writer:
+            rows: list[dict[str, Any]] = []
+
+            def flush() -> None:
+                writer.write_table(pa.Table.from_pylist(rows, schema))
+                rows.clear()
+
+            def named(kind: Any, values: list[list[float]]) -> list[dict[str, float]]:
+                return [dict(zip((field.name for field in kind), row, strict=True)) for row in values]
+
+            for track in tracks():
+                lists = {"segments": named(segment, track["segments"]), "roots": named(root, track["roots"].tolist())}
+                rows.append(track | lists)
+                if len(rows) == _AT_ONCE:
+                    flush()
+            if rows:
+                flush()
+
+
+def write_clips(
+    sampler: PoseSampler,
+    folder: Path,
+    fps: float | Fraction = 30,
+    frames: tuple[int, int] | None = None,
+    avatars: Sequence[int] | Array | None = None,
+    rotations: str = "float32",
+    threads: int = 1,
+) -> list[Path]:
+    """Write a bank of clips and tracks into a folder, which is made when missing; see ``ClipSink``.
+
+    Raises:
+        OutputError: The folder cannot be made, or a file cannot be written.
+    """
+    from crowdsim.export.stream import stream_poses
+    from crowdsim.files import make_folder
+
+    make_folder(folder)
+    return stream_poses(sampler, float(fps), [ClipSink(sampler, folder, fps, frames, avatars, rotations)], threads)[0]
