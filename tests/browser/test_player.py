@@ -239,6 +239,19 @@ def test_a_served_page_shows_itself_and_asks_its_server_alone(browser, run) -> N
     assert browser.evaluate("document.getElementById('message').textContent").startswith("The connection is lost")
 
 
+def test_a_report_shows_its_player(browser, run) -> None:
+    assert crowdsim("report", run, "-q") == 0
+    browser.open(run / "report.html")
+    browser.wait("document.querySelector('iframe')?.contentDocument?.documentElement?.dataset.state === 'shown'")
+    browser.wait("document.querySelector('iframe').contentWindow.crowdsimPlayer?.time > 0.3")
+    assert (
+        browser.evaluate("document.querySelector('iframe').contentDocument.getElementById('title').textContent")
+        == "four"
+    )
+    assert browser.console == []
+    assert [request for request in browser.requests if request != "about:srcdoc"] == [(run / "report.html").as_uri()]
+
+
 def test_a_page_that_was_cut_off_says_so(browser, page) -> None:
     text = page.read_text(encoding="utf-8")
     page.write_text(text[: text.index('<script type="text/plain"')], encoding="utf-8")
