@@ -276,7 +276,8 @@ class Player {
   tick(now) {
     requestAnimationFrame(later => this.tick(later));
     const passed = Math.min(now - this.last, 250);
-    if (this.playing && this.last) {
+    // Time stands still while what comes next is being read or posed.
+    if (this.playing && this.last && !this.waiting) {
       this.painter.pace(now - this.last);
       this.time += passed / 1000 * this.speed;
       if (this.time > this.end) {
@@ -297,14 +298,15 @@ class Player {
     const canvas = element('picture'), width = canvas.clientWidth, height = canvas.clientHeight, { scene } = this;
     if (!width || !height) return;
     const moment = this.crowd.around(this.time * scene.fps - scene.first);
+    this.waiting = !moment;
     if (!moment) {
       // The block that is missing has been asked for; what it says when it fails is shown.
+      element('clock').textContent = `${this.time.toFixed(2)} s, being prepared`;
       const number = Math.floor(clamp(this.time * scene.fps - scene.first, 0, scene.frames - 1) / scene.block);
       for (const one of [number, number + 1]) this.recording.load(one, true)?.promise.catch(error => this.fail(error));
       return;
     }
-    const ahead = this.recording.load(Math.floor(moment.before / scene.block) + 1, false);
-    ahead?.promise.catch(() => {});
+    for (const next of [1, 2]) this.recording.load(Math.floor(moment.before / scene.block) + next, false)?.promise.catch(() => {});
     this.dirty = false;
     if (this.failed) {
       this.failed = '';

@@ -188,6 +188,23 @@ def test_a_recording_that_ends_begins_again_or_stops(player) -> None:
     player.evaluate("crowdsimPlayer.play(false)")
 
 
+def test_time_stands_still_while_a_block_is_missing(player) -> None:
+    player.evaluate(
+        "(() => { const { recording } = crowdsimPlayer, real = recording.source.block; recording.blocks.clear();"
+        "recording.source.block = number => new Promise(done => {"
+        "globalThis.letGo = () => real(number).then(done); }); })();"
+        "crowdsimPlayer.seek(1); crowdsimPlayer.play(true)"
+    )
+    player.wait("crowdsimPlayer.waiting && !!globalThis.letGo")
+    before = player.evaluate("crowdsimPlayer.time")
+    player.evaluate("new Promise(done => setTimeout(done, 600))")
+    assert player.evaluate("crowdsimPlayer.time") == before
+    assert "being prepared" in player.evaluate("document.getElementById('clock').textContent")
+    player.evaluate("letGo()")
+    player.wait(f"crowdsimPlayer.time > {before} + 0.2")
+    player.evaluate("crowdsimPlayer.play(false)")
+
+
 def test_the_camera_follows_an_avatar(player) -> None:
     player.evaluate("crowdsimPlayer.select(3); crowdsimPlayer.chooseCamera(crowdsimPlayer.camera.find('follow'))")
     for seconds in (0.0, 1.0, 2.4):
