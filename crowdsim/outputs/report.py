@@ -92,10 +92,12 @@ class ReportOutput(Ranged):
         parts = report_parts(done.take, recording, scenario, done.threads, done.progress)
         write_plain(done.folder, _FILE, parts)
 
-    def _recording(self, done: FinishedTake, scenario: dict[str, Any]) -> Recording:
+    def _recording(self, done: FinishedTake, scenario: dict[str, Any]) -> Recording | None:
         from crowdsim.view.take_motion import record_take
 
         start, stop = self.frames_of(done.extent)
+        if start == stop:  # a run that ended before
+            return None
         try:
             cameras = TypeAdapter(Cameras).validate_python(scenario.get("cameras") or {})
         except ValidationError:  # a file that was changed by hand

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import view
 import yaml
-from conftest import picture
+from conftest import picture, screen
 from scenes import crowdsim, write_scene
 
 import crowdsim as library
@@ -186,6 +186,26 @@ def test_a_recording_that_ends_begins_again_or_stops(player) -> None:
     )
     player.wait("crowdsimPlayer.time < 2")
     player.evaluate("crowdsimPlayer.play(false)")
+
+
+def test_trails_and_the_map_of_hits_show_on_the_floor(player, run) -> None:
+    player.evaluate("crowdsimPlayer.seek(2.6)")
+    before = picture(player)
+    player.press("h")
+    player.wait("crowdsimPlayer.options.hits")
+    after = picture(player)
+    landed = int(library.open_run(run).events.landed.sum())
+    assert landed > 0
+    assert player.evaluate("crowdsimPlayer.facts.heat(2.6).count") == landed
+    # Warm where it was grey.
+    warm = (after[..., 0] - after[..., 2] > 60) & (np.abs(before[..., 0] - before[..., 2]) < 40)
+    assert warm.sum() > 200
+    player.evaluate("crowdsimPlayer.set('hits', false)")
+    player.settle()
+    plain = screen(player)
+    player.evaluate("crowdsimPlayer.set('trails', true)")
+    player.settle()
+    assert (np.abs(screen(player) - plain).max(axis=-1)[:500] > 40).sum() > 50
 
 
 def test_time_stands_still_while_a_block_is_missing(player) -> None:
