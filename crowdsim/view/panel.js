@@ -117,10 +117,10 @@ function list(pairs) {
 class Panel {
   constructor(crowd, facts) {
     Object.assign(this, { crowd, facts, scene: crowd.scene, shown: '', stood: '' });
-    const { names, seconds, kind, seed } = this.scene, t = this.scene.tables;
+    const { names, frames, fps, kind, seed } = this.scene, t = this.scene.tables;
     document.title = element('title').textContent = this.scene.name;
     const strikes = t.strike_time.length, landed = facts.landed.length, many = (n, word) => `${n.toLocaleString('en')} ${word}${n === 1 ? '' : 's'}`;
-    const words = [many(names.length, kind === 'bvh' ? 'figure' : 'avatar'), `${seconds.toFixed(1)} s`];
+    const words = [many(names.length, kind === 'bvh' ? 'figure' : 'avatar'), `${(frames / fps).toFixed(1)} s`];
     if (strikes) words.push(kind === 'bvh' ? many(strikes, 'strike') : `${many(strikes, 'strike')}, ${landed.toLocaleString('en')} landed`);
     if (seed !== undefined) words.push(`seed ${seed}`);
     element('summary').textContent = words.join(' · ');
