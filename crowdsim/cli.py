@@ -24,6 +24,7 @@ from crowdsim.commands.packing import pack
 from crowdsim.commands.process import describe_failure, leave_in_time, shown
 from crowdsim.commands.profiling import profile
 from crowdsim.commands.rendering import render
+from crowdsim.commands.reporting import report
 from crowdsim.commands.running import run
 from crowdsim.commands.training import train
 from crowdsim.commands.viewing import view
@@ -77,6 +78,7 @@ for _command in (
     export,
     render,
     view,
+    report,
     profile,
     validate,
     schema,

@@ -3,9 +3,9 @@
     python docs/make_pictures.py [NAME ...]
 
 ``animation`` is the animated picture of the brawl (``brawl_30.webp``), ``thumbnails`` a picture of every shipped
-scenario, ``performer`` the moves of the embedded boxer, ``scaling`` the cost of control by the number of avatars;
-without a name all are made. Scenarios of real capture need CROWDSIM_MOCAP and are left out without it; policies that
-are missing are trained.
+scenario, ``performer`` the moves of the embedded boxer, ``scaling`` the cost of control by the number of avatars,
+``player`` the player in a browser, which needs Chromium; without a name all are made. Scenarios of real capture need
+CROWDSIM_MOCAP and are left out without it; policies that are missing are trained.
 """
 
 from __future__ import annotations
@@ -103,11 +103,32 @@ def make_scaling() -> None:
         shrink(Path(folder) / "scaling.png", DOCS / "performance" / "scaling.png", 770)
 
 
+def make_player() -> None:
+    """Draw the player of a brawl until one is left, with an avatar chosen."""
+    sys.path.append(str(ROOT / "benchmarks"))
+    from _chromium import Browser
+
+    with tempfile.TemporaryDirectory() as folder:
+        run, page = Path(folder) / "brawl", Path(folder) / "page.html"
+        without = [flag for kind in ("bvh", "ply") for flag in ("--set", f"outputs.{kind}=null")]
+        crowdsim("run", "brawl_last_standing", "--out", str(run), "--frames", "40s", *without)
+        crowdsim("view", str(run), "--html", str(page))
+        with Browser((1280, 760)) as browser:
+            browser.shown(page)
+            browser.evaluate("crowdsimPlayer.play(false); crowdsimPlayer.seek(33.3); crowdsimPlayer.select(7)")
+            browser.evaluate("crowdsimPlayer.set('labels', true)")
+            browser.settle()
+            (Path(folder) / "player.png").write_bytes(browser.screenshot())
+        with Image.open(Path(folder) / "player.png") as picture:
+            picture.convert("RGB").save(DOCS / "player.webp", quality=82, method=6)
+
+
 PICTURES = {
     "animation": make_animation,
     "thumbnails": make_thumbnails,
     "performer": make_performer,
     "scaling": make_scaling,
+    "player": make_player,
 }
 
 

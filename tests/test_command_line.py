@@ -22,6 +22,7 @@ COMMANDS = [
     "export",
     "render",
     "view",
+    "report",
     "profile",
     "validate",
     "schema",

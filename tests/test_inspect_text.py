@@ -10,10 +10,10 @@ import pytest
 from scenes import crowdsim, write_scene
 
 from crowdsim.commands.capture_text import capture_lines
-from crowdsim.commands.figures_text import count, length, number, percent, rating, section, speed, time
 from crowdsim.commands.policy_text import policy_lines
-from crowdsim.commands.run_text import run_lines
 from crowdsim.motion.strikes import REASONS, Rejection
+from crowdsim.take.figures_text import count, length, number, percent, rating, section, speed, time
+from crowdsim.take.run_text import run_lines
 
 KEYS_OF_A_RUN = (
     "avatars control_frames seconds strikes_thrown strikes_landed strikes_blocked strikes_evaded strikes_missed "

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from scenes import crowdsim
 
-from crowdsim.commands.figures_text import percent
 from crowdsim.performer.session import write_performance
+from crowdsim.take.figures_text import percent
 from crowdsim.training.recipe import load_recipe
 
 

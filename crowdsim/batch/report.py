@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 from crowdsim.batch.attempts import KINDS, log_tail
 from crowdsim.batch.curves import COLOURS, curve_of, draw_curves
 from crowdsim.batch.documents import read_bytes
 from crowdsim.batch.plan import REPORT, Plan
 from crowdsim.batch.results import is_done, read_result
-from crowdsim.files import make_folder, write_plain, write_text
+from crowdsim.files import exists_plain, make_folder, write_plain, write_text
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -156,6 +157,7 @@ def write_report(folder: Path, plan: Plan) -> Path:
         more=max(0, len(table) - MAXIMUM_ROWS),
         figures=_FIGURES,
         thumbnails=_thumbnails(folder, plan),
+        reports=_reports(folder, plan, table["run"].head(MAXIMUM_ROWS)),
     )
     write_text(folder / REPORT / INDEX, text)
     return folder / REPORT / INDEX
@@ -221,6 +223,12 @@ def _failures(folder: Path, table: DataFrame) -> list[dict[str, Any]]:
         result = read_result(folder, row["run"])
         groups.setdefault(row["cause"], []).append({**row, "tail": log_tail(folder, result)})
     return [{"cause": cause, "runs": runs} for cause, runs in sorted(groups.items(), key=lambda item: -len(item[1]))]
+
+
+def _reports(folder: Path, plan: Plan, ids: Iterable[str]) -> dict[str, str]:
+    """Return where the reports of runs are that have one, as seen from the page, by run."""
+    pages = {id: f"{plan.runs[id].folder}/report.html" for id in ids}
+    return {id: f"../{quote(page)}" for id, page in pages.items() if exists_plain(folder, page)}
 
 
 def _thumbnails(folder: Path, plan: Plan) -> list[dict[str, str]]:

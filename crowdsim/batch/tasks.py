@@ -114,9 +114,10 @@ def draw(job: Job, first: int, stop: int, *_: None) -> None:
 
 
 def finish(job: Job, *_: None) -> None:
-    """Put exports and pictures in their places in the run folder, and join the video."""
+    """Put exports and pictures in their places in the run folder, join the video, and write the report."""
     from crowdsim.export.posed import extent_of
     from crowdsim.runs.exports import adopt_exports
+    from crowdsim.runs.reports import write_output
 
     with _attempt(job, "finish") as progress:
         take = _take(job)
@@ -125,6 +126,8 @@ def finish(job: Job, *_: None) -> None:
             adopt_exports(job.folder, job.work / f"export-{output.name}", [output.within(extent_of(take))])
         if job.run.outputs.render is not None:
             _join(job, progress)
+        if job.run.outputs.report is not None:
+            write_output(job.run.outputs.report, take, job.folder, read_arena(job.folder), progress=progress)
         write_result(job.batch, job.run.id, collect(job.folder, take, job.run.mark))
         with suppress(OSError):
             remove_tree(job.batch, f"{WORK}/{job.run.id}")

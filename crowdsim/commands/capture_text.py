@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from crowdsim.commands.figures_text import Row, count, length, number, percent, section
 from crowdsim.motion.strikes import REASONS, Rejection
+from crowdsim.take.figures_text import Row, count, length, number, percent, section
 
 Figures = Mapping[str, Any]
 OUTCOMES = {"landed": "landed", "blocked": "blocked", "missed": "missed", "air": "thrown at the air"}

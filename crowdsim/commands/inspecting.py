@@ -85,12 +85,12 @@ def _graph_warnings(figures: dict[str, Any]) -> list[str]:
 
 
 def _inspect_run(folder: Path, as_json: bool, plots: Path | None, force: bool) -> None:
-    from crowdsim.commands.run_text import run_lines
     from crowdsim.compilation import watch_compilation
     from crowdsim.poses.sampler import PoseSampler
     from crowdsim.runs.manifest import NAME, read_manifest
     from crowdsim.runs.opening import open_run
     from crowdsim.take.quality import measure_take
+    from crowdsim.take.run_text import run_lines
 
     run = open_run(folder)
     for line in run.notes:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from crowdsim.commands.common import size_text
-from crowdsim.commands.figures_text import Row, count, length, number, percent, section, time
+from crowdsim.take.figures_text import Row, count, length, number, percent, section, time
 
 Figures = Mapping[str, Any]
 

@@ -139,7 +139,7 @@ def export_take(
             raise CrowdsimError(f"{output.name}: {finding}")
     place, kinds = out or folder, [output.name for output in outputs]
     plan = Plan.of(outputs, extent_of(take), take.cast.names.tolist())
-    with write_together(place, _wanted(outputs, plan, {"take": _mark(take)}), folder, force, threads) as writing:
+    with write_together(place, _wanted(outputs, plan, {"take": take_mark(take)}), folder, force, threads) as writing:
         if writing.done:
             written = {kind: [path for path in writing.done if path.parent.name == kind] for kind in kinds}
         else:
@@ -179,7 +179,7 @@ def _wanted(outputs: Sequence[PosedOutput], plan: Plan, made_from: dict[str, Any
     return Wanted(EXPORT, asked, plan, made_from, list(asked))
 
 
-def _mark(take: Take) -> str:
+def take_mark(take: Take) -> str:
     """Return a checksum of what the files of an export depend on beside the options."""
     last = [np.ascontiguousarray(values[-1:]).tobytes() for values in (take.action, take.x, take.z, take.heading)]
     made = [take.scenario, str(take.seed), *take.fingerprints, str(take.frame_count), sources_hash()]

@@ -15,7 +15,7 @@ from crowdsim.bvh.people import split_person
 from crowdsim.capture.loading import ANALYSIS_RATE, Capture, load_people
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import BvhError
-from crowdsim.files import exists_plain, read_plain, walk
+from crowdsim.files import entries, exists_plain, read_plain
 from crowdsim.motion import ground
 from crowdsim.motion.contacts import runs
 from crowdsim.motion.skeleton import Clip
@@ -43,7 +43,7 @@ def is_bvh(path: Path) -> bool:
 
 def bvh_files(folder: Path) -> list[Path]:
     """Return the BVH files in a folder, by name."""
-    return [folder / name for name in walk(folder) if "/" not in name and name.lower().endswith(".bvh")]
+    return [folder / name for name in entries(folder) if name.lower().endswith(".bvh") and exists_plain(folder, name)]
 
 
 def record_bvh(
@@ -195,7 +195,6 @@ class BvhMotion:
             "arena": [0.0] * 5,
             "sun": [round(float(value), 5) for value in self.sun],
             "rate": self.fps,
-            "seconds": (self.first + self.frames) / self.fps,
             "names": self.names,
             "teams": [],
             "team_colours": [],

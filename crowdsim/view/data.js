@@ -117,7 +117,7 @@ class Recording {
     let size = 0;
     for (const figure of scene.figures)
       size += scene.block * figure.avatars.length * (8 * figure.joints.length + 12 * figure.moving.length);
-    this.most = Math.max(4, Math.floor(400e6 / size));
+    this.most = Math.max(8, Math.floor(400e6 / size));
   }
 
   // Begins to unpack a block where that has not begun; others that were not used for the longest time go.

@@ -174,6 +174,8 @@ uniform vec3 zenith;
 uniform vec4 floor_; // brightness, and how strong squares, lines and fine lines are
 uniform vec4 arena; // centre and half sizes
 uniform int arenaKind;
+uniform sampler2D heat; // of strikes that have landed, over a part of the floor
+uniform vec4 heatBox; // its corner and its sizes, of which 0 is none
 float rise(float x) { float h = 0.5 * x; return 1.0 - abs((h - floor(h)) * 2.0 - 1.0); }
 float checks(float x, float w) {
   return (rise(x + 0.5 * w) - rise(x - 0.5 * w)) / w * clamp(1.6 - 0.8 * w, 0.0, 1.0);
@@ -207,8 +209,18 @@ void main() {
   }
   float albedo = (floor_.x + floor_.y * squares) * (1.0 - floor_.z * line) * (1.0 - floor_.w * fine) * (1.0 - 0.3 * outside);
   albedo += border * (0.85 - albedo);
+  vec3 tint = vec3(albedo);
+  if (heatBox.z > 0.0) {
+    vec2 at = (p - heatBox.xy) / heatBox.zw;
+    if (at.x > 0.0 && at.x < 1.0 && at.y > 0.0 && at.y < 1.0) {
+      // From the floor's own grey over red to bright yellow: lighter is more, to eyes that see no red too.
+      float h = texture(heat, at).r;
+      vec3 warm = mix(vec3(0.35, 0.02, 0.05), mix(vec3(0.8, 0.16, 0.03), vec3(1.0, 0.85, 0.2), smoothstep(0.5, 1.0, h)), smoothstep(0.0, 0.5, h));
+      tint = mix(tint, warm, smoothstep(0.02, 0.2, h) * 0.85);
+    }
+  }
   vec2 dark = texelFetch(shadows, ivec2(gl_FragCoord.xy), 0).rg;
-  vec3 c = albedo * (SUN * sun.y * (1.0 - dark.r) + (SKY - 0.03) * (1.0 - dark.g));
+  vec3 c = tint * (SUN * sun.y * (1.0 - dark.r) + (SKY - 0.03) * (1.0 - dark.g));
   colour = vec4(develop(mix(c, sky, fog(t))), 1);
 }`;
 const MOST_MARKS = 32, MARK_SECONDS = 0.28, MARK_SIZE = 0.24;
@@ -296,6 +308,11 @@ class Painter {
     this.none = gl.createVertexArray();
     gl.bindVertexArray(null);
     this.dark = gl.createTexture();
+    this.heatMap = gl.createTexture();
+    this.heated = null;
+    gl.bindTexture(gl.TEXTURE_2D, this.heatMap);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, HEAT, HEAT, 0, gl.RED, gl.UNSIGNED_BYTE, null);
+    this.nearest(gl.LINEAR);
     this.darkFrame = gl.createFramebuffer();
     this.smooth = gl.createFramebuffer();
     this.smoothColour = gl.createRenderbuffer();
@@ -303,9 +320,9 @@ class Painter {
     this.size = '';
   }
 
-  nearest() {
+  nearest(filter = this.gl.NEAREST) {
     const gl = this.gl;
-    for (const key of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, key, gl.NEAREST);
+    for (const key of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, key, filter);
     for (const key of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, key, gl.CLAMP_TO_EDGE);
   }
 
@@ -380,7 +397,7 @@ class Painter {
       if (typeof value === 'number') gl.uniform1f(place, value);
       else gl[`uniform${value.length}fv`](place, value);
     }
-    for (const [key, value] of [['count', this.crowd.drawn], ['shapes', 0], ['shadows', 1], ['arenaKind', this.scene.arena[0]]])
+    for (const [key, value] of [['count', this.crowd.drawn], ['shapes', 0], ['shadows', 1], ['heat', 2], ['arenaKind', this.scene.arena[0]]])
       if (uniforms[key] !== undefined) gl.uniform1i(uniforms[key], value);
   }
 
@@ -439,7 +456,13 @@ class Painter {
     gl.colorMask(true, true, true, false);
     gl.activeTexture(gl.TEXTURE1);
     gl.bindTexture(gl.TEXTURE_2D, this.dark);
-    this.use('floor', view, { zenith: look.zenith, floor_: look.floor, arena: this.scene.arena.slice(1) });
+    gl.activeTexture(gl.TEXTURE2);
+    gl.bindTexture(gl.TEXTURE_2D, this.heatMap);
+    if (this.heat && this.heat !== this.heated) {
+      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, HEAT, HEAT, gl.RED, gl.UNSIGNED_BYTE, this.heat.bytes);
+      this.heated = this.heat;
+    }
+    this.use('floor', view, { zenith: look.zenith, floor_: look.floor, arena: this.scene.arena.slice(1), heatBox: this.heat ? this.heat.box : [0, 0, 0, 0] });
     gl.bindVertexArray(this.none);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.enable(gl.DEPTH_TEST);

@@ -2,7 +2,7 @@
 
 // Teams are told apart by these too, not by colour alone.
 const SYMBOLS = ['circle', 'triangle', 'square', 'diamond', 'star', 'cross', 'ring', 'down', 'hexagon', 'bar'];
-const MOST_NAMES = 80;
+const MOST_NAMES = 80, TRAIL = 3, TRAIL_STEP = 0.1; // seconds of trails, and of their lines
 
 function tracePath(ctx, symbol, x, y, r) {
   const polygon = (n, turn, inner) => {
@@ -48,7 +48,7 @@ class Overlay {
   }
 
   draw(view, moment, seconds, options) {
-    const { canvas, ctx } = this, { facts, scene } = this, shows = options.labels || options.selected >= 0 || facts.canBeHurt;
+    const { canvas, ctx } = this, { facts, scene } = this, shows = options.labels || options.trails || options.selected >= 0 || facts.canBeHurt;
     // A canvas that shows nothing is not there: putting it over the picture takes time.
     canvas.hidden = !shows && !scene.tables.contact;
     if (canvas.hidden) return;
@@ -61,6 +61,7 @@ class Overlay {
     this.ink = options.dark ? '#ffffff' : '#10131a';
     this.paper = options.dark ? '#101216d0' : '#ffffffd8';
     this.contacts(view, seconds);
+    if (options.trails) this.trails(view, moment, options.selected);
     if (options.selected >= 0) this.selection(view, options.selected);
     if (options.joints && options.selected >= 0) this.joints(view, moment, options.selected);
     this.names(view, seconds, options);
@@ -75,6 +76,39 @@ class Overlay {
       this.ctx[i ? 'lineTo' : 'moveTo'](p[0], p[1]);
     }
     return true;
+  }
+
+  // Paths over the floor of the last moments, as far as they are unpacked; of the chosen avatar, or of all that are seen.
+  trails(view, moment, selected) {
+    const { crowd, scene, ctx } = this, step = Math.max(1, Math.round(scene.fps * TRAIL_STEP)), rows = [];
+    for (let frame = moment.before; frame >= Math.max(0, moment.before - TRAIL * scene.fps); frame -= step) {
+      const entry = crowd.recording.blocks.get(Math.floor(frame / scene.block));
+      if (!entry || !entry.parts) break;
+      rows.push([frame, entry.parts, frame % scene.block]);
+    }
+    ctx.lineWidth = 2.5;
+    const avatars = selected >= 0 ? [selected] : scene.names.keys();
+    for (const avatar of avatars) {
+      if (!Number.isFinite(crowd.roots[3 * avatar])) continue;
+      const index = scene.tables.figure[avatar], column = 3 * crowd.columns[avatar] * scene.figures[index].moving.length;
+      let before = view.project(crowd.roots[3 * avatar], 0.01, crowd.roots[3 * avatar + 2]), line = 0;
+      for (const [frame, parts, row] of rows) {
+        if (!crowd.isPresent(avatar, frame)) break;
+        const { places, placeStride } = parts[index], at = row * placeStride + column;
+        const point = view.project(places[at], 0.01, places[at + 2]);
+        if (before && point) {
+          ctx.strokeStyle = this.ink;
+          ctx.globalAlpha = 0.75 * (1 - line / rows.length);
+          ctx.beginPath();
+          ctx.moveTo(before[0], before[1]);
+          ctx.lineTo(point[0], point[1]);
+          ctx.stroke();
+        }
+        before = point;
+        line++;
+      }
+    }
+    ctx.globalAlpha = 1;
   }
 
   selection(view, avatar) {

@@ -84,13 +84,14 @@ def check_size(recording: Recording) -> None:
 
 
 @cache
-def _asset(name: str) -> str:
+def asset(name: str) -> str:
+    """Return the text of a file beside this one."""
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
 @cache
 def _program() -> str:
-    parts = "\n".join(_asset(name) for name in _SCRIPTS)
+    parts = "\n".join(asset(name) for name in _SCRIPTS)
     return f"(() => {{\n'use strict';\n{parts}\n}})();\n"
 
 
@@ -103,12 +104,12 @@ def page_head(title: str, connects: str = "'none'") -> str:
         title: Name of the recording.
         connects: What the page may connect to, as a content security policy says it.
     """
-    style = _asset("player.css")
+    style = asset("player.css")
     policy = (
-        f"default-src 'none'; script-src {_digest(_program())}; style-src {_digest(style)}; img-src data:; "
+        f"default-src 'none'; script-src {program_digest()}; style-src {digest(style)}; img-src data:; "
         f"connect-src {connects}; base-uri 'none'; form-action 'none'"
     )
-    markup = _asset("player.html")
+    markup = asset("player.html")
     for key, text in {"policy": policy, "title": html.escape(title), "style": style}.items():
         markup = markup.replace(f"{{{{{key}}}}}", text, 1)
     return markup
@@ -134,5 +135,11 @@ def program() -> str:
     return f"<script>{_program()}</script>\n"
 
 
-def _digest(text: str) -> str:
+def digest(text: str) -> str:
+    """Return a text's checksum as a content security policy has it."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode('ascii')}'"
+
+
+def program_digest() -> str:
+    """Return the checksum of the program."""
+    return digest(_program())

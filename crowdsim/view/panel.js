@@ -1,6 +1,6 @@
 // What there is to know of the avatars, and the elements that show it.
 
-const OUTSIDE = -1000000;
+const OUTSIDE = -1000000, HEAT = 256; // HEAT: squares of the heat map along a side
 
 class Facts {
   constructor(scene) {
@@ -45,6 +45,31 @@ class Facts {
   }
 
   isDown(avatar, seconds) { return this.downs[avatar].some(([start, stop]) => start <= seconds && seconds < stop); }
+
+  // Where strikes have landed up to a time: counts in squares over the floor, spread a little, and the greatest of them.
+  heat(seconds) {
+    const t = this.scene.tables, { landed } = this, count = placeAfter(landed.map(one => t.strike_time[one]), seconds);
+    if (this.heated && this.heated.count === count) return this.heated;
+    if (!this.heated) {
+      const x = landed.map(one => t.strike_point[3 * one]), z = landed.map(one => t.strike_point[3 * one + 2]);
+      const low = [Math.min(...x, 0) - 1, Math.min(...z, 0) - 1], high = [Math.max(...x, 0) + 1, Math.max(...z, 0) + 1];
+      this.heatBox = [...low, ...high.map((value, i) => value - low[i])];
+    }
+    const [left, top, wide, deep] = this.heatBox, cell = Math.max(0.2, wide / HEAT, deep / HEAT), squares = new Float32Array(HEAT * HEAT);
+    let most = 0;
+    for (const one of landed.slice(0, count)) {
+      const column = Math.floor((t.strike_point[3 * one] - left) / cell), row = Math.floor((t.strike_point[3 * one + 2] - top) / cell);
+      for (let dz = -2; dz <= 2; dz++) for (let dx = -2; dx <= 2; dx++) {
+        const at = (row + dz) * HEAT + column + dx;
+        if (row + dz < 0 || row + dz >= HEAT || column + dx < 0 || column + dx >= HEAT) continue;
+        squares[at] += Math.exp(-0.5 * (dx * dx + dz * dz));
+        most = Math.max(most, squares[at]);
+      }
+    }
+    const bytes = Uint8Array.from(squares, value => 255 * Math.sqrt(value / Math.max(most, 1)));
+    this.heated = { count, bytes, box: [left, top, cell * HEAT, cell * HEAT] };
+    return this.heated;
+  }
 
   // What an avatar does: action, its clip, the frame of the clip and the time in it.
   action(avatar, seconds) {
@@ -92,10 +117,10 @@ function list(pairs) {
 class Panel {
   constructor(crowd, facts) {
     Object.assign(this, { crowd, facts, scene: crowd.scene, shown: '', stood: '' });
-    const { names, seconds, kind, seed } = this.scene, t = this.scene.tables;
+    const { names, frames, fps, kind, seed } = this.scene, t = this.scene.tables;
     document.title = element('title').textContent = this.scene.name;
     const strikes = t.strike_time.length, landed = facts.landed.length, many = (n, word) => `${n.toLocaleString('en')} ${word}${n === 1 ? '' : 's'}`;
-    const words = [many(names.length, kind === 'bvh' ? 'figure' : 'avatar'), `${seconds.toFixed(1)} s`];
+    const words = [many(names.length, kind === 'bvh' ? 'figure' : 'avatar'), `${(frames / fps).toFixed(1)} s`];
     if (strikes) words.push(kind === 'bvh' ? many(strikes, 'strike') : `${many(strikes, 'strike')}, ${landed.toLocaleString('en')} landed`);
     if (seed !== undefined) words.push(`seed ${seed}`);
     element('summary').textContent = words.join(' · ');

@@ -8,7 +8,9 @@ const KEYS = [
   ['1 to 9', 'cameras in their order'], ['W A S D', 'move the camera over the floor'], ['Q E', 'turn around the target'],
   ['R F', 'look from higher up or lower down'], ['+ −', 'nearer or further'],
   ['N P', 'next or previous avatar'], ['V', 'follow the chosen avatar'], ['B', 'see with its eyes'], ['Esc', 'choose none'],
-  ['T', 'names'], ['M', 'marks of strikes'], ['J', 'joints of the chosen avatar with their names'], ['C', 'copy the camera as YAML'],
+  ['T', 'names'], ['M', 'marks of strikes'],
+  ['G', 'trails on the floor of the last 3 s, of the chosen avatar where one is chosen'],
+  ['H', 'heat map of the strikes that have landed'], ['J', 'joints of the chosen avatar with their names'], ['C', 'copy the camera as YAML'],
   ['?', 'these keys'],
 ];
 const POINTING = [
@@ -30,7 +32,7 @@ class Player {
     this.overlay = new Overlay(element('overlay'), this.crowd, this.facts);
     this.panel = new Panel(this.crowd, this.facts);
     this.timeline = new Timeline(element('strip'), this.facts);
-    this.options = { labels: scene.names.length <= 4, marks: true, joints: false };
+    this.options = { labels: scene.names.length <= 4, marks: true, joints: false, trails: false, hits: false };
     element('labels').checked = this.options.labels;
     this.dark = matchMedia('(prefers-color-scheme: dark)');
     this.dark.addEventListener('change', () => this.change());
@@ -134,7 +136,7 @@ class Player {
     this.camera.choices.forEach((choice, i) => { element('camera').append(new Option(`${i + 1} ${choice.name}`, i)); });
     on('camera', 'change', () => this.chooseCamera(Number(element('camera').value)));
     on('avatar', 'change', () => this.select(Number(element('avatar').value)));
-    for (const option of ['labels', 'marks']) on(option, 'change', () => this.set(option, element(option).checked));
+    for (const option of ['labels', 'marks', 'trails', 'hits']) on(option, 'change', () => this.set(option, element(option).checked));
     on('copy', 'click', () => this.copyCamera());
     on('help', 'click', () => this.showKeys());
     let held = false;
@@ -248,6 +250,7 @@ class Player {
       n: () => next(1), p: () => next(-1), escape: () => this.select(-1),
       v: () => this.chooseCamera(this.camera.find('follow')), b: () => this.chooseCamera(this.camera.find('eye')),
       t: () => this.set('labels', !this.options.labels), m: () => this.set('marks', !this.options.marks),
+      g: () => this.set('trails', !this.options.trails), h: () => this.set('hits', !this.options.hits),
       j: () => this.set('joints', !this.options.joints), c: () => this.copyCamera(), '?': () => this.showKeys(),
     };
     addEventListener('keydown', event => {
@@ -276,7 +279,8 @@ class Player {
   tick(now) {
     requestAnimationFrame(later => this.tick(later));
     const passed = Math.min(now - this.last, 250);
-    if (this.playing && this.last) {
+    // Time stands still while what comes next is being read or posed.
+    if (this.playing && this.last && !this.waiting) {
       this.painter.pace(now - this.last);
       this.time += passed / 1000 * this.speed;
       if (this.time > this.end) {
@@ -297,15 +301,21 @@ class Player {
     const canvas = element('picture'), width = canvas.clientWidth, height = canvas.clientHeight, { scene } = this;
     if (!width || !height) return;
     const moment = this.crowd.around(this.time * scene.fps - scene.first);
+    this.waiting = !moment;
     if (!moment) {
       // The block that is missing has been asked for; what it says when it fails is shown.
+      element('clock').textContent = `${this.time.toFixed(2)} s, being prepared`;
       const number = Math.floor(clamp(this.time * scene.fps - scene.first, 0, scene.frames - 1) / scene.block);
       for (const one of [number, number + 1]) this.recording.load(one, true)?.promise.catch(error => this.fail(error));
       return;
     }
-    const ahead = this.recording.load(Math.floor(moment.before / scene.block) + 1, false);
-    ahead?.promise.catch(() => {});
+    for (const next of [1, 2]) this.recording.load(Math.floor(moment.before / scene.block) + next, false)?.promise.catch(() => {});
     this.dirty = false;
+    // Trails show what was before, which may have to be unpacked first.
+    for (let back = 1; this.options.trails && back <= Math.ceil(TRAIL * scene.fps / scene.block); back++) {
+      const entry = this.recording.load(Math.floor(moment.before / scene.block) - back, false);
+      if (entry && !entry.parts) entry.promise.then(() => this.change(), () => {});
+    }
     if (this.failed) {
       this.failed = '';
       element('message').hidden = true;
@@ -320,6 +330,7 @@ class Player {
       this.crowd.place(moment, this.view, this.camera.avatar, 3, detail);
     }
     // While it stands still, the picture is as fine as can be, once nothing has changed for a moment.
+    this.painter.heat = this.options.hits ? this.facts.heat(this.time) : null;
     this.painter.draw(this.view, Boolean(fine), this.options.marks ? this.time : null);
     this.fine = this.playing || fine ? 0 : this.last + 150;
     this.overlay.draw(this.view, moment, this.time, { ...this.options, selected: this.selected, dark: this.dark.matches });

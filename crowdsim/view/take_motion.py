@@ -141,7 +141,6 @@ class TakeMotion:
             "kind": "run",
             **self.scene,
             "rate": take.control_rate,
-            "seconds": take.seconds,
             "seed": take.seed,
             "names": cast.names[numbers].tolist(),
             "teams": list(cast.team_names),

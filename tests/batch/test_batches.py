@@ -1,6 +1,7 @@
 """Batches done by the workers of a scheduler: files as of single commands, nothing done twice, one report."""
 
 import json
+import re
 import shutil
 import time
 from pathlib import Path
@@ -178,3 +179,13 @@ def test_options_that_do_not_fit_are_refused(workplace: Path, capsys, words: lis
     write_batch(workplace)
     assert crowdsim("batch", *words) == 2
     assert said in capsys.readouterr().err
+
+
+def test_the_report_of_a_batch_links_to_those_of_its_runs(workplace: Path, scheduler: str) -> None:
+    write_batch(workplace, scene={"outputs": {"report": {"player": False}}}, axes=[{"seed": "0:2"}])
+    assert crowdsim("batch", "trial.yaml", "--scheduler", scheduler, "--out", "all", "--quiet") == 0
+    page = (workplace / "all" / "report" / "index.html").read_text(encoding="utf-8")
+    links = re.findall(r'href="([^"]+)"', page)
+    assert len(links) == 2
+    for link in links:
+        assert (workplace / "all" / "report" / link).resolve().is_file()

@@ -37,13 +37,17 @@ def browser(chromium: str) -> Iterator[_chromium.Browser]:
 
 def picture(browser: _chromium.Browser) -> np.ndarray:
     """What the canvas shows, without what lies over it. Shape (height, width, 3), 0 to 255."""
-    from PIL import Image
-
     browser.settle()
-    browser.evaluate("document.querySelectorAll('header, #side, #overlay').forEach(one => { one.hidden = true; })")
     browser.evaluate("document.querySelectorAll('header, #side').forEach(one => { one.style.display = 'none'; })")
     browser.evaluate("document.getElementById('overlay').style.display = 'none'")
-    whole = Image.open(io.BytesIO(browser.screenshot())).convert("RGB")
+    whole = screen(browser)
     browser.evaluate("document.querySelectorAll('header, #side, #overlay').forEach(one => { one.style.display = ''; })")
     height = round(browser.evaluate("document.getElementById('picture').clientHeight"))
-    return np.asarray(whole)[:height].astype(int)
+    return whole[:height]
+
+
+def screen(browser: _chromium.Browser) -> np.ndarray:
+    """What the page shows. Shape (height, width, 3), 0 to 255."""
+    from PIL import Image
+
+    return np.asarray(Image.open(io.BytesIO(browser.screenshot())).convert("RGB")).astype(int)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import view
 import yaml
-from conftest import picture
+from conftest import picture, screen
 from scenes import crowdsim, write_scene
 
 import crowdsim as library
@@ -188,6 +188,43 @@ def test_a_recording_that_ends_begins_again_or_stops(player) -> None:
     player.evaluate("crowdsimPlayer.play(false)")
 
 
+def test_trails_and_the_map_of_hits_show_on_the_floor(player, run) -> None:
+    player.evaluate("crowdsimPlayer.seek(2.6)")
+    before = picture(player)
+    player.press("h")
+    player.wait("crowdsimPlayer.options.hits")
+    after = picture(player)
+    landed = int(library.open_run(run).events.landed.sum())
+    assert landed > 0
+    assert player.evaluate("crowdsimPlayer.facts.heat(2.6).count") == landed
+    # Warm where it was grey.
+    warm = (after[..., 0] - after[..., 2] > 60) & (np.abs(before[..., 0] - before[..., 2]) < 40)
+    assert warm.sum() > 200
+    player.evaluate("crowdsimPlayer.set('hits', false)")
+    player.settle()
+    plain = screen(player)
+    player.evaluate("crowdsimPlayer.set('trails', true)")
+    player.settle()
+    assert (np.abs(screen(player) - plain).max(axis=-1)[:500] > 40).sum() > 50
+
+
+def test_time_stands_still_while_a_block_is_missing(player) -> None:
+    player.evaluate(
+        "(() => { const { recording } = crowdsimPlayer, real = recording.source.block; recording.blocks.clear();"
+        "recording.source.block = number => new Promise(done => {"
+        "globalThis.letGo = () => real(number).then(done); }); })();"
+        "crowdsimPlayer.seek(1); crowdsimPlayer.play(true)"
+    )
+    player.wait("crowdsimPlayer.waiting && !!globalThis.letGo")
+    before = player.evaluate("crowdsimPlayer.time")
+    player.evaluate("new Promise(done => setTimeout(done, 600))")
+    assert player.evaluate("crowdsimPlayer.time") == before
+    assert "being prepared" in player.evaluate("document.getElementById('clock').textContent")
+    player.evaluate("letGo()")
+    player.wait(f"crowdsimPlayer.time > {before} + 0.2")
+    player.evaluate("crowdsimPlayer.play(false)")
+
+
 def test_the_camera_follows_an_avatar(player) -> None:
     player.evaluate("crowdsimPlayer.select(3); crowdsimPlayer.chooseCamera(crowdsimPlayer.camera.find('follow'))")
     for seconds in (0.0, 1.0, 2.4):
@@ -237,6 +274,19 @@ def test_a_served_page_shows_itself_and_asks_its_server_alone(browser, run) -> N
     browser.evaluate("crowdsimPlayer.recording.blocks.clear(); crowdsimPlayer.seek(0.2)")
     browser.wait("!document.getElementById('message').hidden")
     assert browser.evaluate("document.getElementById('message').textContent").startswith("The connection is lost")
+
+
+def test_a_report_shows_its_player(browser, run) -> None:
+    assert crowdsim("report", run, "-q") == 0
+    browser.open(run / "report.html")
+    browser.wait("document.querySelector('iframe')?.contentDocument?.documentElement?.dataset.state === 'shown'")
+    browser.wait("document.querySelector('iframe').contentWindow.crowdsimPlayer?.time > 0.3")
+    assert (
+        browser.evaluate("document.querySelector('iframe').contentDocument.getElementById('title').textContent")
+        == "four"
+    )
+    assert browser.console == []
+    assert [request for request in browser.requests if request != "about:srcdoc"] == [(run / "report.html").as_uri()]
 
 
 def test_a_page_that_was_cut_off_says_so(browser, page) -> None:

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from scenes import crowdsim, scene, write_scene
 
-from crowdsim.commands.figures_text import number
 from crowdsim.scenario.scenario import Scenario, resolve_scenario
 from crowdsim.scenario.warnings import speed_warnings
+from crowdsim.take.figures_text import number
 
 STATISTICS = {"tiny": {"sustained_speed": 1.5, "strikes": {"reach": {"distance": [0.4, 0.8]}}}}
 CIRCLE = {"kind": "circle", "radius": 4.0, "speed": 2.0}

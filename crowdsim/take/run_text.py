@@ -1,12 +1,12 @@
-"""What ``crowdsim inspect RUN`` prints: the figures of a run in words, rated against the capture where it has them."""
+"""The figures of a run in words, rated against the capture where it has them, as ``inspect`` and reports have them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-from crowdsim.commands.figures_text import Row, count, length, number, percent, rating, section, speed, time
 from crowdsim.crowd.ending import outcome_text
+from crowdsim.take.figures_text import Row, count, length, number, percent, rating, section, speed, time
 from crowdsim.take.measures import AFTER, AIR, OUT_OF_REACH, STUCK
 from crowdsim.take.penetration import DEEP
 from crowdsim.take.quality import TOUCH
@@ -17,14 +17,19 @@ Figures = Mapping[str, Any]
 
 def run_lines(figures: Figures) -> list[str]:
     """Return the figures of ``measure_take``, with the seconds that the run took, as indented lines of text."""
+    return [line for title, rows in run_sections(figures) for line in section(title, rows)]
+
+
+def run_sections(figures: Figures) -> list[tuple[str, list[Row]]]:
+    """Return the figures of ``measure_take``, with the seconds that the run took, as sections of rows."""
     return [
-        *section("Run", _run(figures)),
-        *section("Avatars", _people(figures)),
-        *section("Strikes", _strikes(figures)),
-        *section(f"Opponents, from {AFTER:g} s on", _opponents(figures)),
-        *section("Motion, and the capture's in the same frames", _motion(figures)),
-        *section("Variety", _variety(figures)),
-        *section(f"Avatars compared while they fight, from {AFTER:g} s on", _spreads(figures)),
+        ("Run", _run(figures)),
+        ("Avatars", _people(figures)),
+        ("Strikes", _strikes(figures)),
+        (f"Opponents, from {AFTER:g} s on", _opponents(figures)),
+        ("Motion, and the capture's in the same frames", _motion(figures)),
+        ("Variety", _variety(figures)),
+        (f"Avatars compared while they fight, from {AFTER:g} s on", _spreads(figures)),
     ]
 
 

@@ -1,0 +1,120 @@
+"""A report of a run as one page, with its player."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+from pydantic import Field, TypeAdapter, ValidationError
+
+from crowdsim.config.files import Finding
+from crowdsim.config.findings import show
+from crowdsim.files import read_plain, write_plain
+from crowdsim.scenario.camera import Camera
+from crowdsim.scenario.cameras import Cameras
+from crowdsim.scenario.output import Avatars, Extent, Ranged, Series
+
+if TYPE_CHECKING:
+    from crowdsim.export.posed import FinishedTake
+    from crowdsim.view.recording import Recording
+
+_FILE = "report.html"
+_SCENARIO, _LONGEST = "scenario.resolved.yaml", 1 << 26
+_POSE_BYTES, _PAGE_BYTES = 60.0, 200_000.0
+_POSE_SECONDS = 60e-6
+"""Bytes and seconds of an avatar in a frame, and bytes of the rest; measured with the shipped scenarios."""
+_AVATARS = (
+    "Numbers of the avatars that the player shows, from 0, or names of avatars, groups and teams; without it all."
+)
+
+
+class ReportOutput(Ranged):
+    """A report as one HTML page: what happened, how well it looks, the player, and how to repeat it."""
+
+    name = "report"
+    about = "A report as one HTML page: summary, statistics with verdicts, the player, the scenario."
+    kernels = "bvh"
+    stage = "report"
+
+    player: bool = Field(default=True, description="Whether the page has the player; `frames` and `fps` are its own.")
+    avatars: Avatars | None = Field(default=None, description=_AVATARS)
+
+    @classmethod
+    def pattern(cls) -> str:
+        """Return the regular expression of the name of its file."""
+        return _FILE.replace(".", r"\.")
+
+    def files(self, extent: Extent, names: Sequence[str]) -> Iterator[str | Series]:
+        """Yield the name of the page."""
+        if extent.control_frames:
+            yield _FILE
+
+    def named(self, members: Callable[[str], Sequence[int] | None], cameras: Mapping[str, Camera]) -> ReportOutput:
+        """Return it with the numbers of its avatars."""
+        if self.avatars is None:
+            return self
+        numbers = [[avatar] if isinstance(avatar, int) else members(avatar) or () for avatar in self.avatars]
+        return self.model_copy(update={"avatars": tuple(sorted({one for found in numbers for one in found}))})
+
+    def findings(self, avatars: int) -> Iterator[Finding]:
+        """Yield a finding for each avatar that there is not."""
+        for i, avatar in enumerate(self.avatars or ()):
+            if isinstance(avatar, int) and avatar >= avatars:
+                yield Finding(("avatars", i), f"{show(avatar)}, expected an avatar from 0 to {avatars - 1}")
+
+    def cost(self, extent: Extent) -> tuple[float, float]:
+        """Return about how much room the page takes [bytes], and how long one core writes it [s]."""
+        shown = extent.avatars if self.avatars is None else len(self.avatars)
+        poses = shown * self.frame_count(extent) if self.player else 0
+        return _PAGE_BYTES + _POSE_BYTES * poses, 2.0 + _POSE_SECONDS * poses
+
+    def write(self, done: FinishedTake) -> list[Path]:
+        """Write the page where it is missing."""
+        path = done.folder / _FILE
+        if not path.exists():
+            self.write_page(done, read_plain(done.folder, _SCENARIO, _LONGEST).decode("utf-8"))
+        return [path]
+
+    def write_page(self, done: FinishedTake, scenario: str) -> None:
+        """Write the page of a run with a resolved scenario.
+
+        Raises:
+            OutputError: It cannot be written.
+            CrowdsimError: It would be too large.
+        """
+        from crowdsim.view.report import report_parts
+
+        done = replace(done, take=replace(done.take, policies=tuple(done.policies)))
+        recording = self._recording(done, yaml.safe_load(scenario)) if self.player else None
+        parts = report_parts(done.take, recording, scenario, done.threads, done.progress)
+        write_plain(done.folder, _FILE, parts)
+
+    def _recording(self, done: FinishedTake, scenario: dict[str, Any]) -> Recording | None:
+        from crowdsim.view.take_motion import record_take
+
+        start, stop = self.frames_of(done.extent)
+        if start == stop:  # a run that ended before
+            return None
+        try:
+            cameras = TypeAdapter(Cameras).validate_python(scenario.get("cameras") or {})
+        except ValidationError:  # a file that was changed by hand
+            cameras = {}
+        health = {name: one["damage"]["health"] for name, one in scenario["types"].items() if one.get("damage")}
+        numbers = None if self.avatars is None else [int(avatar) for avatar in self.avatars]
+        frames = f"{start}:{stop}"
+        return record_take(done.take, self.rate, numbers, frames, done.threads, done.arena, cameras, health)
+
+    def command(self, run: str) -> list[str]:
+        """Return the words of the command that writes it from a finished run."""
+        words = ["crowdsim", "report", run, "--fps", f"{self.rate:g}", "--threads", "1"]
+        words += [] if self.player else ["--no-player"]
+        if self.avatars is not None:
+            words += ["--avatars", ",".join(map(str, self.avatars))]
+        frames = self.asked_frames()
+        return words if frames is None else [*words, "--frames", f"{frames[0]}:{frames[1]}"]
+
+
+OUTPUT = ReportOutput

@@ -1,0 +1,163 @@
+"""A report says what a run's figures mean, shows the run, and how to repeat it; whatever things are called."""
+
+import html
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from naive_view import embedded
+from scenes import crowdsim, write_scene
+
+import crowdsim as library
+from crowdsim.take.quality import measure_take
+from crowdsim.view.report import report_parts, verdicts
+
+HOSTILE = "</pre></script><script>document.title='owned'</script>\"'"
+
+
+def player_of(page: str) -> str:
+    """The page of the player that is in a report."""
+    return html.unescape(re.search(r'<iframe title="[^"]*" srcdoc="([^"]*)"', page)[1])
+
+
+@pytest.fixture
+def run(workplace, finish):
+    write_scene(workplace / "four.yaml", duration=150)
+    finish(workplace)
+    return workplace / "run"
+
+
+def test_a_report_has_summary_verdicts_player_scenario_and_how_to_repeat_it(run, capsys) -> None:
+    assert crowdsim("report", run) == 0
+    assert re.search(r"report\.html: [\d.]+ [kM]B", capsys.readouterr().out)
+    page = (run / "report.html").read_text(encoding="utf-8")
+    opened = library.open_run(run)
+    text = html.unescape(re.sub(r"<[^>]+>", " ", page.replace(player_of(page), "")))
+    assert f"{len(opened.events.frame)}" in text
+    assert "seed 5" in text
+    assert "How it looks" in text
+    assert "crowdsim run scenario.yaml" in text
+    assert f"policy tiny: {opened.fingerprints[0]}" in text
+    found, blocks = embedded(player_of(page))
+    assert found["frames"] == opened.output_frames(opened.fps)
+    assert blocks
+    assert not re.search(r"https?://", page)
+    # The scenario in it is the run's.
+    shown = html.unescape(re.findall(r"<pre>(.*?)</pre>", page, re.DOTALL)[-1])
+    assert yaml.safe_load(shown) == yaml.safe_load((run / "scenario.resolved.yaml").read_text(encoding="utf-8"))
+    assert crowdsim("verify", run) == 0
+
+
+def test_teams_and_avatars_have_their_strikes(run) -> None:
+    assert crowdsim("report", run, "--no-player", "-q") == 0
+    page = (run / "report.html").read_text(encoding="utf-8")
+    assert "<iframe" not in page
+    opened = library.open_run(run)
+    strikes = opened.strikes()
+    of_red = np.isin(strikes["attacker"], [0, 1])
+    row = [2, of_red.sum(), (of_red & strikes["landed"]).sum()]
+    cells = "".join(f'<td class="number">{value:,}</td>' for value in row)
+    assert f"<td>red</td>{cells}" in page
+
+
+def test_a_run_writes_the_report_that_the_command_writes(workplace) -> None:
+    report = {"fps": 30, "avatars": ["red", 3], "frames": "0:60"}
+    write_scene(workplace / "four.yaml", duration=60, outputs={"report": report})
+    assert crowdsim("run", "four.yaml", "--out", "run", "-q") == 0
+    written = (workplace / "run" / "report.html").read_bytes()
+    words = ["--avatars", "red,blue_1", "--frames", "0:60", "--fps", "30"]
+    assert crowdsim("report", "run", "--out", "other", "--threads", "1", *words, "-q") == 0
+    assert (workplace / "other" / "report.html").read_bytes() == written
+    assert embedded(player_of(written.decode()))[0]["names"] == ["red_0", "red_1", "blue_1"]
+    assert crowdsim("verify", "run") == 0
+
+
+def test_avatars_that_there_are_not_are_reported_where_the_scenario_names_them(workplace, capsys) -> None:
+    path = write_scene(workplace / "four.yaml", outputs={"report": {"avatars": [9]}})
+    assert crowdsim("validate", path) == 2
+    assert "outputs.report.avatars[0]: is 9, expected an avatar from 0 to 3" in capsys.readouterr().err
+
+
+def test_another_file_is_not_replaced(run, tmp_path, capsys) -> None:
+    out = tmp_path / "mine"
+    out.mkdir()
+    (out / "report.html").write_text("mine", encoding="utf-8")
+    assert crowdsim("report", run, "--out", out, "--no-player", "--force", "-q") == 2
+    assert "report.html" in capsys.readouterr().err
+    assert (out / "report.html").read_text(encoding="utf-8") == "mine"
+
+
+def test_a_report_that_is_there_is_not_written_again(run) -> None:
+    assert crowdsim("report", run, "--no-player", "-q") == 0
+    before = (run / "report.html").stat().st_mtime_ns
+    assert crowdsim("report", run, "--no-player", "-q") == 0
+    assert (run / "report.html").stat().st_mtime_ns == before
+    assert crowdsim("report", run, "--no-player", "--force", "-q") == 0
+    assert (run / "report.html").stat().st_mtime_ns > before
+
+
+def test_an_archive_has_its_report_beside_it(run) -> None:
+    assert crowdsim("pack", run, "-o", run.parent / "packed.zip", "-q") == 0
+    assert crowdsim("report", run.parent / "packed.zip", "--no-player", "-q") == 0
+    assert crowdsim("report", run, "--no-player", "-q") == 0
+    assert (run.parent / "packed" / "report.html").read_bytes() == (run / "report.html").read_bytes()
+
+
+def test_a_run_without_its_scenario_has_no_report(run, capsys) -> None:
+    (run / "scenario.resolved.yaml").unlink()
+    assert crowdsim("report", run, "-q") == 2
+    assert "scenario.resolved.yaml: cannot be read, and the report shows it" in capsys.readouterr().err
+
+
+def test_hostile_names_stay_text(run) -> None:
+    opened = library.open_run(run)
+    cast = replace(
+        opened.cast, names=np.array([HOSTILE, *opened.cast.names[1:]]), team_names=(HOSTILE, "blue"),
+        policy_names=(HOSTILE,),
+    )  # fmt: skip
+    hostile = replace(opened, cast=cast, scenario=HOSTILE)
+    hostile.__dict__["sampler"] = opened.sampler
+    page = b"".join(report_parts(hostile, None, f"name: {HOSTILE}")).decode()
+    assert "owned" in page
+    assert "<script" not in page
+    assert page.count("<pre>") == page.count("</pre>") == 2
+
+
+def figures(**changes):
+    found = dict.fromkeys(
+        ("first_landed_seconds", "air_share", "stuck_share", "out_of_reach_share", "turned_away_share",
+         "overlap_share", "penetration_share", "fists_off_share", "foot_slide_median", "foot_slide_median_captured",
+         "transition_jump_ratio")
+    )  # fmt: skip
+    return {**found, "strikes_thrown": 10, **changes}
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"first_landed_seconds": 2.0}, (True, "The first strike lands after 2.0 s")),
+        ({"first_landed_seconds": 9.0}, (False, "The first strike lands after 9.0 s; at most 8.0 s looks right")),
+        ({"first_landed_seconds": 1.0, "air_share": 0.2},
+         (False, "20.0 % of strikes are thrown at opponents further away than 1.4 m; at most 5.0 % looks right")),
+        ({"first_landed_seconds": 1.0, "stuck_share": 0.0},
+         (True, "No avatar stays out of reach of its opponent for more than 10 s")),
+        ({"first_landed_seconds": 1.0, "foot_slide_median": 0.04, "foot_slide_median_captured": 0.02},
+         (False, "Planted feet slide 2.00 times the capture's; at most 1.5 times looks right")),
+        ({"first_landed_seconds": 1.0, "transition_jump_ratio": 1.2},
+         (True, "Joints accelerate 1.20 times the capture's around transitions")),
+    ],
+)  # fmt: skip
+def test_a_verdict_says_what_a_figure_is_and_what_looks_right(changes, expected) -> None:
+    assert expected in verdicts(figures(**changes))
+
+
+def test_nothing_is_said_of_what_was_not_measured() -> None:
+    assert verdicts(figures(strikes_thrown=0)) == []
+    assert verdicts(figures()) == [(False, "No strike lands")]
+
+
+def test_all_figures_that_verdicts_look_at_are_measured(run) -> None:
+    measured = measure_take(library.open_run(run).sampler)
+    assert set(figures()) <= set(measured)
