@@ -46,6 +46,7 @@ class Goal:
         return f"{text}, mean" if self.mean else text
 
 
+PLACES = {"pelvis_outside_share": Goal(most=0.0), "feet_outside_share": Goal(most=0.02)}
 CROWD = {"stuck_share": Goal(most=0.005), "turned_away_share": Goal(most=0.06), "air_share": Goal(most=0.03)}
 GOALS: dict[str, dict[str, Goal]] = {
     "duel": {"first_landed_seconds": Goal(most=6.0), "air_share": Goal(most=0.02)},
@@ -72,6 +73,8 @@ GOALS: dict[str, dict[str, Goal]] = {
         "air_share": Goal(most=0.02),
         "thrown_per_minute": Goal(most=75.0),
     },
+    "alley": PLACES,
+    "bout": PLACES,
     "crowd_10k": CROWD,
     "crowd_100k": CROWD,
     "crowd_1m": CROWD,

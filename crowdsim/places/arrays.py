@@ -11,7 +11,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.places.description import Box, Disc, Ropes, Shape, Wall
-from crowdsim.places.kernels.distance import REACH, clear_ways, gaps_at, list_parts
+from crowdsim.places.kernels.distance import CLEAR, REACH, clear_ways, gaps_at, list_parts
 from crowdsim.places.kernels.records import BOX, DISC, DOOR, PART, ROPES, WALL
 from crowdsim.places.kernels.routes import CORNERS, link_corners, list_seen
 
@@ -248,8 +248,12 @@ def gaps_of(places: Places, points: Array, frame: float) -> Array:
     return gaps
 
 
-def are_ways_clear(parts: Array, starts: Array, ends: Array) -> Array:
-    """Return whether ways from points to others (n, 2) keep clear of all parts, doors included. Shape (n,), bool."""
+def are_ways_clear(parts: Array, starts: Array, ends: Array, room: float = CLEAR) -> Array:
+    """Return whether ways from points to others (n, 2) keep some room [m] from all parts, doors included.
+
+    Returns:
+        Shape (n,), bool.
+    """
     clear = np.ones(len(starts), bool)
-    clear_ways(parts, np.ascontiguousarray(starts, float), np.ascontiguousarray(ends, float), clear)
+    clear_ways(parts, np.ascontiguousarray(starts, float), np.ascontiguousarray(ends, float), room, clear)
     return clear
