@@ -7,12 +7,14 @@ import pytest
 from scenes import crowdsim, write_scene
 
 from crowdsim.places.arrays import pack_parts
-from crowdsim.places.description import Box, Disc, Door, Ropes, Wall
+from crowdsim.places.description import BoxObstacle, DiscObstacle, Door, RopesObstacle, WallObstacle
 from crowdsim.places.kernels.records import PART
 from crowdsim.render.obstacles import join_capsules, obstacle_capsules
 from crowdsim.runs.opening import read_obstacles
 
-WALL = Wall(kind="wall", points=((-2.0, 1.0), (2.0, 1.0)), height=2.0, doors=(Door(at=2.0, width=1.0, opens=3.0),))
+WALL = WallObstacle(
+    kind="wall", points=((-2.0, 1.0), (2.0, 1.0)), height=2.0, doors=(Door(at=2.0, width=1.0, opens=3.0),)
+)
 
 
 def bounds(*shapes, seconds=0.0):
@@ -26,10 +28,10 @@ def bounds(*shapes, seconds=0.0):
     ("shape", "low", "high"),
     [
         (WALL, [-2.1, -0.1, 0.9], [2.1, 2.0, 1.1]),
-        (Box(kind="box", centre=(1.0, 2.0), size=(2.0, 0.6), height=0.9), [0.0, -0.06, 1.7], [2.0, 0.9, 2.3]),
-        (Disc(kind="disc", centre=(1.0, 2.0), radius=0.4, height=3.0), [0.6, -0.4, 1.6], [1.4, 3.0, 2.4]),
+        (BoxObstacle(kind="box", centre=(1.0, 2.0), size=(2.0, 0.6), height=0.9), [0.0, -0.06, 1.7], [2.0, 0.9, 2.3]),
+        (DiscObstacle(kind="disc", centre=(1.0, 2.0), radius=0.4, height=3.0), [0.6, -0.4, 1.6], [1.4, 3.0, 2.4]),
         (
-            Ropes(kind="ropes", points=((-2.0, -1.0), (-2.0, 1.0), (2.0, 1.0), (2.0, -1.0))),
+            RopesObstacle(kind="ropes", points=((-2.0, -1.0), (-2.0, 1.0), (2.0, 1.0), (2.0, -1.0))),
             [-2.05, -0.05, -1.05],
             [2.05, 1.35, 1.05],
         ),
@@ -43,7 +45,7 @@ def test_obstacles_are_as_large_in_pictures_as_they_are(shape, low, high):
 
 def test_a_turned_box_is_turned_as_an_avatar_with_that_heading():
     # From +z towards +x: what is along x points to -z after a quarter.
-    low, high = bounds(Box(kind="box", centre=(0.0, 0.0), size=(3.0, 1.0), rotation=90.0))
+    low, high = bounds(BoxObstacle(kind="box", centre=(0.0, 0.0), size=(3.0, 1.0), rotation=90.0))
     np.testing.assert_allclose([low[0], low[2], high[0], high[2]], [-0.5, -1.5, 0.5, 1.5], atol=1e-5)
 
 
