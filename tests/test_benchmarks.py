@@ -74,6 +74,7 @@ KEYS = {
         "read.short_milliseconds", "large.writing_over_control", "large.writing_over_disk",
     ],
     "cameras": [f"{scene}.{camera}.seen_share" for scene in ("duel", "bout") for camera in ("auto", "side")],
+    "places": [f"square_{side}.{key}" for side in (12, 24) for key in ("ratio", "hidden_share", "building_seconds")],
     "poses": [f"{name}.poses_per_s" for name in ("threads_1", "threads_2", "crowd_of_10000_by_8_frames")],
 }  # fmt: skip
 
