@@ -67,11 +67,13 @@ TARGET = {
     "within_share": Goal(0.9),
     "landed_per_minute": Goal(8.0),
 }
+PLACES = {"pelvis_outside_share": Goal(most=0.0), "feet_outside_share": Goal(most=0.02)}
 # Rests and falls part those who fight until they are down.
 DAMAGE = {**STRIKES, "first_landed_seconds": FIGHT["first_landed_seconds"], "overlap_share": FIGHT["overlap_share"]}
 GOALS: dict[str, dict[str, Goal]] = {
     "duel": {**FEW, "within_share": Goal(0.9)},
-    "bout": DAMAGE,
+    "alley": {**DAMAGE, **PLACES},
+    "bout": {**DAMAGE, **PLACES},
     "moving_target": TARGET,
     "moving_target_fast": {**TARGET, "within_share": Goal(0.8), "landed_per_minute": Goal(4.0)},
     "armies_200": FIGHT,

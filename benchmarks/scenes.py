@@ -16,6 +16,8 @@ independent trial, and `overlap_share` means nothing. The ring also has:
 * arrived_in_time_share: those within 1.3 m after 1.5 s plus the distance at 1.2 m/s.
 * arrival_seconds: median time until an avatar is within 1.3 m.
 
+Scenes with obstacles have pelvis_outside_share and feet_outside_share, the shares of time in which pelvises and feet
+are in obstacles or beyond them, and slide_share, the share of frames in which a root slides along them.
 `duel` and the moving targets also have within_share, the share of time within 1.3 m of the opponent after 8 s.
 """
 
@@ -36,6 +38,7 @@ from typing import Any
 import numpy as np
 from _quick import small_policies
 from _scene_goals import GOALS, summarise
+from _scene_obstacles import OutsideCounter
 
 from crowdsim import load_policies, load_scenario
 from crowdsim.core.workers import CORES
@@ -141,16 +144,21 @@ def play(
     crowd = draw_crowd(scenario, policies)
     rate = crowd.rate
     counter = FightCounter(crowd.cast.scales, rate, crowd.frames, scene.after)
+    outside = OutsideCounter(crowd) if len(crowd.parts) else None
     near = bool(scene.radius) or scene.name in NEAR
     distances = []
     for chunk in simulate(crowd, crowd.frames, threads):
         counter.add(chunk)
+        if outside is not None:
+            outside.add(chunk)
         if seen is not None:
             seen(chunk)
         if near:
             dx, dz, known = opponent_offsets(chunk)
             distances.append(np.where(known, np.hypot(dx, dz), np.inf))
     outcome: dict[str, float | None] = {"seed": seed, **asdict(counter.finish())}
+    if outside is not None:
+        outcome.update(outside.finish())
     if scene.radius:
         outcome.update(arrivals(np.concatenate(distances), rate, scene.radius))
     elif near:

@@ -17,7 +17,7 @@ from _scene_goals import GOALS, Goal
 
 FIGHTS = (
     "duel", "bout", "moving_target", "moving_target_fast", "armies_200", "brawl_30", "brawl_30_cmu",
-    "brawl_last_standing",
+    "brawl_last_standing", "alley",
 )  # fmt: skip
 CROWDS = ("crowd_10k", "crowd_100k", "crowd_1m")
 FIGURES: dict[str, tuple[str, Format]] = {
@@ -34,6 +34,8 @@ FIGURES: dict[str, tuple[str, Format]] = {
     "turned_away_share": ("time with the opponent behind", percent),
     "distance_median": ("median distance to the opponent [m]", number),
     "overlap_share": ("time with overlapping bodies", percent),
+    "pelvis_outside_share": ("time with the pelvis in an obstacle", percent),
+    "feet_outside_share": ("time with a foot in an obstacle", percent),
 }
 RINGS = {f"ring_{radius}": f"{radius} m away" for radius in (2, 3, 4, 8, 12)}
 RING_FIGURES: dict[str, tuple[str, Format]] = {

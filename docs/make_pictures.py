@@ -26,6 +26,8 @@ LENGTHS = {"crowd_10k": 60, "crowd_100k": 20, "crowd_1m": 4}
 MOST_FRAMES = 300
 OF_CAPTURE = ("cmu",)
 HUGE = ("crowd_1m",)
+CAMERAS = {"alley": "along"}
+"""Cameras of scenarios whose obstacles would hide avatars from others."""
 MANY = "crowd_"
 """Crowds of which one moment is shown, whole and from behind a shoulder."""
 ANIMATION = DOCS / "brawl_30.webp"
@@ -84,6 +86,7 @@ def make_thumbnails() -> None:
             without = [flag for kind in ("bvh", "ply", "pcd", "render") for flag in ("--set", f"outputs.{kind}=null")]
             crowdsim("run", name, "--out", str(run), "--frames", frames, *without)
             how = ["--contact-sheet", "2", "--size", "960x540"]
+            how += ["--camera", CAMERAS[name]] if name in CAMERAS else []
             if name.startswith(MANY):
                 how = ["--contact-sheet", "1", "--size", "1920x540", "--camera", "auto+follow:0"]
             crowdsim("render", str(run), "--out", str(pictures), *how)

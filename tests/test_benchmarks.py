@@ -81,6 +81,7 @@ KEYS = {
           for key in ("megabytes", "posing_seconds", "seconds", "first_picture_seconds", "frame_milliseconds")),
         "pages.30.error_millimetres", "renderer",
     ],
+    "places": [f"square_{side}.{key}" for side in (12, 24) for key in ("ratio", "hidden_share", "building_seconds")],
     "poses": [f"{name}.poses_per_s" for name in ("threads_1", "threads_2", "crowd_of_10000_by_8_frames")],
 }  # fmt: skip
 

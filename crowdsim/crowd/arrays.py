@@ -81,8 +81,8 @@ class Model(NamedTuple):
         fall_capsules: The capsules of that body, seen from the fall's last frame; 0 of staggers. (n, K), ``CAPSULE``.
         soles: Heel and ball of the left and of the right sole, in the frame's ground frame [m]. Shape (L, 2, 2, 3), or
             (0, 2, 2, 3) where no policy has falls, float32.
-        outlines: Head, neck, pelvis, heels and balls in the frame's ground frame [m]. Shape (L, 7, 3), or (0, 7, 3)
-            where there are no obstacles, float32.
+        outlines: Head, neck, pelvis, fists, heels and balls in the frame's ground frame [m]. Shape (L, 9, 3), or
+            (0, 9, 3) where there are no obstacles, float32.
         extents: How far from the position these are at most, and the room that they need [m]. Shape (L,), float32.
         rests: Pieces of standing at ease, and parts of walks. Shape (n,), ``REST``.
         walks: The walks. Shape (n,), ``WALK``.

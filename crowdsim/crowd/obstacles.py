@@ -11,7 +11,7 @@ import numpy as np
 from crowdsim.config.files import Finding
 from crowdsim.core.types import Array
 from crowdsim.places.arrays import Places, build_places, gaps_of, pack_parts
-from crowdsim.places.description import Obstacles, Plan, Ropes, Shape, Wall
+from crowdsim.places.description import Obstacles, PlanObstacle, RopesObstacle, Shape, WallObstacle
 from crowdsim.places.kernels.distance import CLEAR, part_gap
 from crowdsim.places.kernels.records import DOOR, PART
 from crowdsim.places.plans import read_plan
@@ -50,8 +50,8 @@ def obstacle_shapes(obstacles: Obstacles, arena: Arena, folder: Path) -> list[tu
         PlanError: A floor plan cannot be read.
     """
     found: list[tuple[int, Shape]] = []
-    for number, one in enumerate((obstacles,) if isinstance(obstacles, Plan) else obstacles):
-        if isinstance(one, Plan):
+    for number, one in enumerate((obstacles,) if isinstance(obstacles, PlanObstacle) else obstacles):
+        if isinstance(one, PlanObstacle):
             try:
                 found += [(number, shape) for shape in read_plan(folder / one.file, one)]
             except PlanError as error:
@@ -69,7 +69,7 @@ def obstacle_shapes(obstacles: Obstacles, arena: Arena, folder: Path) -> list[tu
     else:
         wide, deep = arena.size[0] / 2, arena.size[1] / 2
         points = [(x - wide, z - deep), (x - wide, z + deep), (x + wide, z + deep), (x + wide, z - deep)]
-    return [*found, (BORDER, Ropes.model_construct(kind="ropes", points=tuple(points), height=1.3))]
+    return [*found, (BORDER, RopesObstacle.model_construct(kind="ropes", points=tuple(points), height=1.3))]
 
 
 def pack_obstacles(scenario: Scenario, rate: float) -> Array:
@@ -97,14 +97,14 @@ def _key(scenario: Scenario, number: int) -> tuple[str | int, ...]:
     """Return where an obstacle is in its scenario."""
     if number == BORDER:
         return ("arena", "solid")
-    return ("obstacles",) if isinstance(scenario.obstacles, Plan) else ("obstacles", number)
+    return ("obstacles",) if isinstance(scenario.obstacles, PlanObstacle) else ("obstacles", number)
 
 
 def _words(scenario: Scenario, number: int) -> str:
     """Return an obstacle in words."""
     if number == BORDER:
         return "the arena's ropes"
-    return "the floor plan" if isinstance(scenario.obstacles, Plan) else f"obstacles[{number}]"
+    return "the floor plan" if isinstance(scenario.obstacles, PlanObstacle) else f"obstacles[{number}]"
 
 
 def _start_findings(
@@ -116,7 +116,7 @@ def _start_findings(
     bad = gaps < CLEAR - 1e-6
     outside = np.zeros(len(points), bool)
     for _, shape in shapes:
-        if isinstance(shape, Ropes):
+        if isinstance(shape, RopesObstacle):
             outside |= ~_is_inside(shape.points, points)
     findings, first = [], 0
     for index, group in enumerate(scenario.groups):
@@ -176,7 +176,7 @@ def _door_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]]) -> l
     places = build_places(parts[parts["kind"] != DOOR])
     findings, seen = [], 0
     for number, shape in shapes:
-        if not isinstance(shape, Wall):
+        if not isinstance(shape, WallObstacle):
             continue
         for index, door in sorted(enumerate(shape.doors), key=lambda one: one[1].at):
             mine = parts[(parts["kind"] == DOOR)][seen]
@@ -190,7 +190,9 @@ def _door_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]]) -> l
                 what = f"the door {door.at:g} m along leads nowhere: {_words(scenario, blocked)} is behind it at "
                 what += f"{x:.2f}, {z:.2f}, expected {_PROBED} m of room on both sides"
                 key = _key(scenario, number)
-                is_plan = isinstance(scenario.obstacles, Plan) or isinstance(scenario.obstacles[number], Plan)
+                is_plan = isinstance(scenario.obstacles, PlanObstacle) or isinstance(
+                    scenario.obstacles[number], PlanObstacle
+                )
                 findings.append(Finding(key if is_plan else (*key, "doors", index), what))
     return findings
 

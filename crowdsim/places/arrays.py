@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.places.description import Box, Disc, Ropes, Shape, Wall
-from crowdsim.places.kernels.distance import REACH, clear_ways, gaps_at, list_parts
+from crowdsim.places.description import BoxObstacle, DiscObstacle, RopesObstacle, Shape, WallObstacle
+from crowdsim.places.kernels.distance import CLEAR, REACH, clear_ways, gaps_at, list_parts
 from crowdsim.places.kernels.records import BOX, DISC, DOOR, PART, ROPES, WALL
 from crowdsim.places.kernels.routes import CORNERS, link_corners, list_seen
 
@@ -87,24 +87,26 @@ def pack_parts(shapes: Sequence[tuple[int, Shape]], rate: float) -> Array:
         found.append((*middle, ux, uz, length / 2, 0.0, radius, length / 2 + radius, height, *times, kind, number))
 
     for number, shape in shapes:
-        if isinstance(shape, Wall):
+        if isinstance(shape, WallObstacle):
             for ends, times in _stretches(shape, rate):
                 add(ends, shape.thickness / 2, shape.height, WALL if times is None else DOOR, number, times or always)
-        elif isinstance(shape, Box):
+        elif isinstance(shape, BoxObstacle):
             turn = math.radians(shape.rotation)
             # Rotations are about +y, from +z towards +x.
             along = math.cos(turn), -math.sin(turn)
             half = shape.size[0] / 2, shape.size[1] / 2
             found.append((*shape.centre, *along, *half, 0.0, math.hypot(*half), shape.height, *always, BOX, number))
-        elif isinstance(shape, Disc):
+        elif isinstance(shape, DiscObstacle):
             add((*shape.centre, *shape.centre), shape.radius, shape.height, DISC, number)
-        elif isinstance(shape, Ropes):
+        elif isinstance(shape, RopesObstacle):
             for a, b in zip(shape.points, [*shape.points[1:], shape.points[0]], strict=True):
                 add((*a, *b), ROPE, shape.height, ROPES, number)
     return np.array(found, PART)
 
 
-def _stretches(wall: Wall, rate: float) -> list[tuple[tuple[float, float, float, float], tuple[float, float] | None]]:
+def _stretches(
+    wall: WallObstacle, rate: float
+) -> list[tuple[tuple[float, float, float, float], tuple[float, float] | None]]:
     """Return the stretches of a wall between its corners and doors, and its doors with the frames of opening."""
     points = [*wall.points, *(wall.points[:1] if wall.closed else ())]
     lengths = [math.hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(points)]
@@ -248,8 +250,12 @@ def gaps_of(places: Places, points: Array, frame: float) -> Array:
     return gaps
 
 
-def are_ways_clear(parts: Array, starts: Array, ends: Array) -> Array:
-    """Return whether ways from points to others (n, 2) keep clear of all parts, doors included. Shape (n,), bool."""
+def are_ways_clear(parts: Array, starts: Array, ends: Array, room: float = CLEAR) -> Array:
+    """Return whether ways from points to others (n, 2) keep some room [m] from all parts, doors included.
+
+    Returns:
+        Shape (n,), bool.
+    """
     clear = np.ones(len(starts), bool)
-    clear_ways(parts, np.ascontiguousarray(starts, float), np.ascontiguousarray(ends, float), clear)
+    clear_ways(parts, np.ascontiguousarray(starts, float), np.ascontiguousarray(ends, float), room, clear)
     return clear

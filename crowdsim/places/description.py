@@ -47,7 +47,7 @@ class Door(StrictModel):
         return self
 
 
-class Wall(StrictModel):
+class WallObstacle(StrictModel):
     """A wall along a line of points, with doors in it."""
 
     kind: Literal["wall"] = Field(description="A wall along a line of points.")
@@ -58,7 +58,7 @@ class Wall(StrictModel):
     doors: tuple[Door, ...] = Field(default=(), max_length=1000, description="Doors, gaps in the wall.")
 
     @model_validator(mode="after")
-    def _check(self) -> Wall:
+    def _check(self) -> WallObstacle:
         lengths = line_lengths(self.points, self.closed)
         if not sum(lengths) > 0.0:
             raise Fault("all points are one, expected a line", "points")
@@ -76,7 +76,7 @@ class Wall(StrictModel):
         return self
 
 
-class Box(StrictModel):
+class BoxObstacle(StrictModel):
     """A box."""
 
     kind: Literal["box"] = Field(description="A box, such as a car or a crate.")
@@ -88,7 +88,7 @@ class Box(StrictModel):
     height: _Height = 1.0
 
 
-class Disc(StrictModel):
+class DiscObstacle(StrictModel):
     """A round obstacle."""
 
     kind: Literal["disc"] = Field(description="A round obstacle, such as a pillar or a tree.")
@@ -97,7 +97,7 @@ class Disc(StrictModel):
     height: _Height = 2.5
 
 
-class Ropes(StrictModel):
+class RopesObstacle(StrictModel):
     """Ropes around a place: everyone starts, and stays, inside."""
 
     kind: Literal["ropes"] = Field(description="Ropes around a place: everyone starts, and stays, inside.")
@@ -105,7 +105,7 @@ class Ropes(StrictModel):
     height: _Height = 1.3
 
 
-class Plan(StrictModel):
+class PlanObstacle(StrictModel):
     """A floor plan from a file."""
 
     kind: Literal["plan"] = Field(default="plan", description="A floor plan from a file.")
@@ -125,7 +125,7 @@ class Plan(StrictModel):
     sha256: str | None = Field(default=None, description="Checksum of the file; the resolved scenario fills it in.")
 
     @model_validator(mode="after")
-    def _check(self, info: ValidationInfo) -> Plan:
+    def _check(self, info: ValidationInfo) -> PlanObstacle:
         inner = PurePosixPath(self.file.replace("\\", "/"))
         if inner.is_absolute() or ".." in inner.parts or ":" in self.file:
             raise Fault(f"{show(self.file)}, expected a path inside the scenario's folder", "file")
@@ -146,12 +146,14 @@ class Plan(StrictModel):
         return self
 
 
-Obstacle = Annotated[Wall | Box | Disc | Ropes | Plan, Field(discriminator="kind")]
-Shape = Wall | Box | Disc | Ropes
+Obstacle = Annotated[
+    WallObstacle | BoxObstacle | DiscObstacle | RopesObstacle | PlanObstacle, Field(discriminator="kind")
+]
+Shape = WallObstacle | BoxObstacle | DiscObstacle | RopesObstacle
 """An obstacle that is no file."""
 
 
-Obstacles = Annotated[tuple[Obstacle, ...], Field(max_length=100_000)] | Plan
+Obstacles = Annotated[tuple[Obstacle, ...], Field(max_length=100_000)] | PlanObstacle
 
 
 def uneven_findings(data: Any) -> list[Finding]:

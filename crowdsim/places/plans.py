@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from crowdsim.places.description import FARTHEST, Box, Disc, Plan, Shape, Wall
+from crowdsim.places.description import FARTHEST, BoxObstacle, DiscObstacle, PlanObstacle, Shape, WallObstacle
 from crowdsim.places.geojson import read_geojson
 from crowdsim.places.sketch import Line, PlanError, Sketch
 from crowdsim.places.svg import read_svg
@@ -20,7 +20,7 @@ _SQUARE = 1e-3
 """Cosine of an angle up to which it counts as a right one."""
 
 
-def read_plan(path: Path, plan: Plan) -> list[Shape]:
+def read_plan(path: Path, plan: PlanObstacle) -> list[Shape]:
     """Return the shapes of a floor plan.
 
     Args:
@@ -42,7 +42,7 @@ def read_plan(path: Path, plan: Plan) -> list[Shape]:
     return _laid_out(path, sketch, plan)
 
 
-def _laid_out(path: Path, sketch: Sketch, plan: Plan) -> list[Shape]:
+def _laid_out(path: Path, sketch: Sketch, plan: PlanObstacle) -> list[Shape]:
     """Return the shapes of a sketch where its plan puts them."""
     points = sketch.points()
     if not points:
@@ -72,7 +72,7 @@ def _laid_out(path: Path, sketch: Sketch, plan: Plan) -> list[Shape]:
         if len(set(line)) > 1:
             x, z = place(line[0])
             try:
-                found.append(Wall(kind="wall", points=tuple(map(place, line)), closed=closed, **given))
+                found.append(WallObstacle(kind="wall", points=tuple(map(place, line)), closed=closed, **given))
             except ValidationError as error:
                 first = error.errors()[0]
                 where = ".".join(map(str, first["loc"]))
@@ -83,14 +83,16 @@ def _laid_out(path: Path, sketch: Sketch, plan: Plan) -> list[Shape]:
         height = keys.get("height", plan.height)
         box = _as_box(corners, height)
         thickness = min(plan.thickness, 0.1)
-        found.append(box or Wall(kind="wall", points=tuple(corners), closed=True, thickness=thickness, height=height))
+        found.append(
+            box or WallObstacle(kind="wall", points=tuple(corners), closed=True, thickness=thickness, height=height)
+        )
     for middle, radius, keys in sketch.discs:
         height = keys.get("height", plan.height)
-        found.append(Disc(kind="disc", centre=place(middle), radius=plan.scale * radius, height=height))
+        found.append(DiscObstacle(kind="disc", centre=place(middle), radius=plan.scale * radius, height=height))
     return found
 
 
-def _as_box(corners: Line, height: float) -> Box | None:
+def _as_box(corners: Line, height: float) -> BoxObstacle | None:
     """Return the box that four corners are those of; None where they are those of no rectangle."""
     if len(corners) != 4:
         return None
@@ -103,4 +105,4 @@ def _as_box(corners: Line, height: float) -> Box | None:
             return None
     centre = sum(point[0] for point in corners) / 4, sum(point[1] for point in corners) / 4
     rotation = math.degrees(math.atan2(-sides[0][1], sides[0][0]))
-    return Box(kind="box", centre=centre, size=(lengths[0], lengths[1]), rotation=rotation, height=height)
+    return BoxObstacle(kind="box", centre=centre, size=(lengths[0], lengths[1]), rotation=rotation, height=height)

@@ -21,9 +21,9 @@ class Sketch:
     """What a file draws, in its own units.
 
     Attributes:
-        walls: Lines, whether they are closed, and keys of ``Wall``.
-        solids: Outlines of solid things, and keys of ``Box``.
-        discs: Middles, radii and keys of ``Disc``.
+        walls: Lines, whether they are closed, and keys of ``WallObstacle``.
+        solids: Outlines of solid things, and keys of ``BoxObstacle``.
+        discs: Middles, radii and keys of ``DiscObstacle``.
     """
 
     def __init__(self) -> None:

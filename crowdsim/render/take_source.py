@@ -110,8 +110,8 @@ class TakeSource:
 
     def at_rate(self, fps: float) -> TakeSource:
         """Return the same take at another frame rate."""
-        take, policies, _, *others = self._arguments
-        return TakeSource(take, policies, fps, *others)
+        take, policies, _, name, threads, arena, cameras, obstacles = self._arguments
+        return TakeSource(take, policies, fps, name, threads, arena, cameras, obstacles)
 
     def seconds(self, frame: int) -> float:
         """Return the time of a frame in the take [s]."""

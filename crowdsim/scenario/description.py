@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr
 
 from crowdsim.config.files import Finding, StrictModel, place
 from crowdsim.errors import ScenarioError
-from crowdsim.places.description import Obstacles, Plan
+from crowdsim.places.description import Obstacles, PlanObstacle
 from crowdsim.scenario.cameras import Cameras
 from crowdsim.scenario.events import Event
 from crowdsim.scenario.fitness import LINGERS, End
@@ -143,8 +143,8 @@ class Description(StrictModel):
     def files(self) -> tuple[str, ...]:
         """Files that the scenario reads, as paths in its folder; a copy of the scenario needs them beside it."""
         named = [getattr(group.placement, "file", None) for group in self.groups]
-        plans = (self.obstacles,) if isinstance(self.obstacles, Plan) else self.obstacles
-        named += [plan.file for plan in plans if isinstance(plan, Plan)]
+        plans = (self.obstacles,) if isinstance(self.obstacles, PlanObstacle) else self.obstacles
+        named += [plan.file for plan in plans if isinstance(plan, PlanObstacle)]
         return tuple(dict.fromkeys(file for file in named if file is not None))
 
     @property

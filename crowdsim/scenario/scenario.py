@@ -17,7 +17,7 @@ from crowdsim.config.files import Faults, Finding, dump_yaml, load_data, load_mo
 from crowdsim.config.schema import quoted
 from crowdsim.core.types import FileName
 from crowdsim.errors import ScenarioError, TakeError, nearest
-from crowdsim.places.description import Obstacles, Plan, uneven_findings
+from crowdsim.places.description import Obstacles, PlanObstacle, uneven_findings
 from crowdsim.places.description import checksum as plan_checksum
 from crowdsim.scenario.checks import name_findings, sense_findings
 from crowdsim.scenario.description import MAXIMUM_SEED, Description
@@ -227,14 +227,14 @@ def _with_checksums(obstacles: Obstacles, folder: Path) -> Obstacles:
     """Return obstacles, floor plans with the checksums of their files."""
 
     def checked(one: Any) -> Any:
-        if not isinstance(one, Plan):
+        if not isinstance(one, PlanObstacle):
             return one
         try:
             return one.model_copy(update={"sha256": plan_checksum(folder / one.file)})
         except OSError as error:
             raise ScenarioError(f"{folder / one.file}: cannot be read: {error.strerror}") from None
 
-    return checked(obstacles) if isinstance(obstacles, Plan) else tuple(map(checked, obstacles))
+    return checked(obstacles) if isinstance(obstacles, PlanObstacle) else tuple(map(checked, obstacles))
 
 
 def with_search(scenario: Scenario, search: str) -> Scenario:

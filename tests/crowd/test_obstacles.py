@@ -15,15 +15,15 @@ from crowdsim.crowd.placement import place_groups
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.errors import ScenarioError
 from crowdsim.places.arrays import pack_parts
-from crowdsim.places.description import Box, Disc, Door, Ropes, Wall
+from crowdsim.places.description import BoxObstacle, DiscObstacle, Door, RopesObstacle, WallObstacle
 from crowdsim.scenario.scenario import load_scenario
 
 POLICIES = [policy(0, "v", name="one"), policy(1, "q", frames=50, stride=2, name="two")]
 ROOM = (
-    Ropes(kind="ropes", points=((-1.2, -1.2), (-1.2, 4.2), (4.2, 4.2), (4.2, -1.2))),
-    Wall(kind="wall", points=((-1.0, 1.45), (4.0, 1.45)), doors=(Door(at=2.5, width=1.2, opens=2.0),)),
-    Disc(kind="disc", centre=(0.5, 2.4), radius=0.15),
-    Box(kind="box", centre=(2.6, -0.65), size=(0.6, 0.4), rotation=20.0),
+    RopesObstacle(kind="ropes", points=((-1.2, -1.2), (-1.2, 4.2), (4.2, 4.2), (4.2, -1.2))),
+    WallObstacle(kind="wall", points=((-1.0, 1.45), (4.0, 1.45)), doors=(Door(at=2.5, width=1.2, opens=2.0),)),
+    DiscObstacle(kind="disc", centre=(0.5, 2.4), radius=0.15),
+    BoxObstacle(kind="box", centre=(2.6, -0.65), size=(0.6, 0.4), rotation=20.0),
 )
 PARTS = pack_parts(list(enumerate(ROOM)), 15.0)
 
@@ -87,7 +87,7 @@ def test_a_simulation_with_obstacles_goes_on_from_a_state():
 
 
 def test_no_strike_lands_through_a_wall():
-    wall = pack_parts([(0, Wall(kind="wall", points=((-9.0, 0.0), (9.0, 0.0)), thickness=0.02))], 15.0)
+    wall = pack_parts([(0, WallObstacle(kind="wall", points=((-9.0, 0.0), (9.0, 0.0)), thickness=0.02))], 15.0)
     x, z = np.tile(np.arange(6) * 0.6, 2), np.repeat([-0.33, 0.33], 6)
     base = replace(crowd(interval=0.0, arena=np.zeros(5), scale=1.0), x=x, z=z, policies=POLICIES)
     heading = np.where(z < 0.0, 0.0, math.pi)

@@ -10,15 +10,17 @@ from naive_places import is_way_free as naive_is_way_free
 from naive_places import way_gap as naive_way_gap
 
 from crowdsim.places.arrays import are_ways_clear, as_at_first, build_places, gaps_of, pack_parts
-from crowdsim.places.description import Box, Disc, Door, Ropes, Wall
+from crowdsim.places.description import BoxObstacle, DiscObstacle, Door, RopesObstacle, WallObstacle
 from crowdsim.places.kernels.distance import ANY_HEIGHT, CLEAR, REACH, is_way_free, part_gap, way_gap
 from crowdsim.places.kernels.records import DOOR, PART, WALL
 
 SHAPES = [
-    Wall(kind="wall", points=((-4.0, -1.0), (1.0, -1.0), (2.0, 3.0)), doors=(Door(at=2.0, width=1.2, opens=2.0),)),
-    Box(kind="box", centre=(-2.0, 2.0), size=(1.6, 0.5), rotation=25.0, height=0.8),
-    Disc(kind="disc", centre=(3.5, -2.0), radius=0.7),
-    Ropes(kind="ropes", points=((-6.0, -6.0), (-6.0, 6.0), (6.0, 6.0), (6.0, -6.0))),
+    WallObstacle(
+        kind="wall", points=((-4.0, -1.0), (1.0, -1.0), (2.0, 3.0)), doors=(Door(at=2.0, width=1.2, opens=2.0),)
+    ),
+    BoxObstacle(kind="box", centre=(-2.0, 2.0), size=(1.6, 0.5), rotation=25.0, height=0.8),
+    DiscObstacle(kind="disc", centre=(3.5, -2.0), radius=0.7),
+    RopesObstacle(kind="ropes", points=((-6.0, -6.0), (-6.0, 6.0), (6.0, 6.0), (6.0, -6.0))),
 ]
 PARTS = pack_parts(list(enumerate(SHAPES)), 15.0)
 PLACES = build_places(PARTS)
@@ -65,7 +67,7 @@ def test_free_ways_are_those_of_naive(frame, height):
 
 
 def test_a_way_keeps_room_but_where_it_begins_or_ends_nearer():
-    wall = build_places(pack_parts([(0, Wall(kind="wall", points=((-4.0, 0.0), (4.0, 0.0))))], 15.0))
+    wall = build_places(pack_parts([(0, WallObstacle(kind="wall", points=((-4.0, 0.0), (4.0, 0.0))))], 15.0))
     for z, room, is_free in ((0.4, 0.25, True), (0.4, 0.5, True), (-0.4, 0.5, True)):
         assert is_way_free(wall, 0.0, -3.0, z, 3.0, z, room, ANY_HEIGHT) == is_free
     assert is_way_free(wall, 0.0, -3.0, 0.4, 3.0, 2.0, 0.5, ANY_HEIGHT)
@@ -85,7 +87,9 @@ def test_a_door_is_a_gap_as_wide_as_it_says_once_it_opens():
 
 
 def test_at_first_doors_are_as_they_begin_for_good():
-    open_first = Wall(kind="wall", points=((0.0, 0.0), (9.0, 0.0)), doors=(Door(at=2.0), Door(at=6.0, opens=3.0)))
+    open_first = WallObstacle(
+        kind="wall", points=((0.0, 0.0), (9.0, 0.0)), doors=(Door(at=2.0), Door(at=6.0, opens=3.0))
+    )
     first = as_at_first(pack_parts([(0, open_first)], 15.0))
     doors = first[first["kind"] == DOOR]
     assert doors["opens"].tolist() == [-math.inf, math.inf]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from crowdsim.places.description import Box, Disc, Plan, Wall
+from crowdsim.places.description import BoxObstacle, DiscObstacle, PlanObstacle, WallObstacle
 from crowdsim.places.plans import read_plan
 from crowdsim.places.sketch import PlanError
 
@@ -18,7 +18,7 @@ def feature(geometry, coordinates, **properties):
 def read(tmp_path: Path, content, name="plan.geojson", **keys):
     text = content if isinstance(content, str) else json.dumps(content)
     (tmp_path / name).write_text(text, encoding="utf-8")
-    return read_plan(tmp_path / name, Plan(file=name, **keys))
+    return read_plan(tmp_path / name, PlanObstacle(file=name, **keys))
 
 
 def collection(*features):
@@ -46,13 +46,13 @@ def test_lines_polygons_and_points_become_walls_boxes_and_discs(tmp_path):
         ),
         height=2.0,
     )
-    assert isinstance(wall, Wall)
+    assert isinstance(wall, WallObstacle)
     assert (wall.thickness, wall.height, wall.doors[0].width) == (0.3, 2.0, 1.2)
-    assert isinstance(room, Wall)
+    assert isinstance(room, WallObstacle)
     assert (room.closed, room.height, len(room.points)) == (True, 3, 4)
-    assert isinstance(box, Box)
+    assert isinstance(box, BoxObstacle)
     assert (box.centre, box.size) == ((2.0, 1.5), (4.0, 3.0))
-    assert isinstance(disc, Disc)
+    assert isinstance(disc, DiscObstacle)
     assert disc.centre == (9, 1)
 
 
@@ -66,7 +66,7 @@ def test_a_rotated_rectangle_is_a_box_and_any_other_outline_a_wall_around(tmp_pa
     turned = [[0, 0], [3, 4], [-1, 7], [-4, 3], [0, 0]]
     box, wall = read(tmp_path, collection(feature("Polygon", [turned]), feature("Polygon", [[[0, 0], [4, 0], [0, 4]]])))
     assert box.size == pytest.approx((5.0, 5.0))
-    assert isinstance(wall, Wall)
+    assert isinstance(wall, WallObstacle)
     assert wall.closed
 
 
@@ -110,7 +110,7 @@ def test_shapes_of_svg_become_obstacles_with_their_transforms(tmp_path):
         '<polygon points="0,0 3,0 0,3"/><defs><line x1="0" y1="0" x2="1" y2="1"/></defs>'
     )
     found = read(tmp_path, svg(inner), "plan.svg")
-    walls = [one for one in found if isinstance(one, Wall)]
+    walls = [one for one in found if isinstance(one, WallObstacle)]
     assert [wall.points for wall in walls[:2]] == [
         ((10, 0), (18, 2)),
         ((10, 0), (28, 0), (28, 18), (10, 18)),
@@ -120,9 +120,9 @@ def test_shapes_of_svg_become_obstacles_with_their_transforms(tmp_path):
     assert len(walls[4].points) == 13
     assert max(z for _, z in walls[4].points) == pytest.approx(23.75)
     assert [wall.closed for wall in walls[5:]] == [True]
-    (box,) = (one for one in found if isinstance(one, Box))
+    (box,) = (one for one in found if isinstance(one, BoxObstacle))
     assert (box.centre, box.size) == ((14, 3), (4, 2))
-    (disc,) = (one for one in found if isinstance(one, Disc))
+    (disc,) = (one for one in found if isinstance(one, DiscObstacle))
     assert (disc.centre, disc.radius) == ((12, 4), 1.0)
 
 

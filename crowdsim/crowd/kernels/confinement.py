@@ -1,7 +1,7 @@
 """Confinement: where a body would be in an obstacle, its root slides along that."""
 
 from crowdsim.core.angles import cos_sin
-from crowdsim.crowd.kernels.layout import PELVIS, SOLE_ROOM, TRUNK_ROOM
+from crowdsim.crowd.kernels.layout import LIMB_ROOM, PELVIS, TRUNK_ROOM
 from crowdsim.jit import kernel
 from crowdsim.places.kernels.distance import cell_at, is_beyond, part_gap, stands, way_gap
 
@@ -44,7 +44,7 @@ def _push_out(outline, avatars, places, frame, i, cell, far):
             for p in range(outline.shape[0]):
                 point = outline[p]
                 dx, dz = point[0] * cos + point[2] * sin, point[2] * cos - point[0] * sin
-                room = (TRUNK_ROOM if p <= PELVIS else SOLE_ROOM) * size
+                room = (TRUNK_ROOM if p <= PELVIS else LIMB_ROOM) * size
                 push = max(push, _depth(part, x, z, gap, nx, nz, dx, point[1] * size, dz, room))
             if push > 1e-9:
                 moved_x, moved_z, still = moved_x + push * nx, moved_z + push * nz, False

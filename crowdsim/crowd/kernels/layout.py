@@ -22,7 +22,7 @@ CIRCLE, RECTANGLE = 1.0, 2.0  # kinds of an arena
 # Rows of ``Scratch.work``, then shares along two axes for each behaviour.
 WORK_X, WORK_Z, WORK_DISTANCE, WORK_BEARING, WORK_STATE, WORK_SHARES = range(6)
 
-TRUNK_ROOM, SOLE_ROOM = 0.15, 0.05  # how far head, neck and pelvis keep from obstacles, and soles [m]
+TRUNK_ROOM, LIMB_ROOM = 0.15, 0.05  # how far head, neck and pelvis keep from obstacles, and fists and soles [m]
 MISSED, LANDED, BLOCKED, EVADED = range(4)  # what becomes of a strike
 ENTERED = -2  # instead of the action before, of avatars that have just entered
 FORESEEN = 45  # how far ahead avatars know the paths of scripted targets [control frames]

@@ -116,11 +116,11 @@ def gaps_at(places, frame, points, out):
 
 
 @kernel(allocates=False)
-def clear_ways(parts, starts, ends, out):
-    """Write whether ways from ``starts`` to ``ends`` (n, 2) keep ``CLEAR`` from all parts. Shape (n,)."""
+def clear_ways(parts, starts, ends, room, out):
+    """Write whether ways from ``starts`` to ``ends`` (n, 2) keep some room from all parts. Shape (n,)."""
     for i in range(starts.shape[0]):
         for k in range(parts.shape[0]):
-            out[i] &= way_gap(parts[k], starts[i, 0], starts[i, 1], ends[i, 0], ends[i, 1]) >= CLEAR
+            out[i] &= way_gap(parts[k], starts[i, 0], starts[i, 1], ends[i, 0], ends[i, 1]) >= room
 
 
 @kernel(allocates=False)

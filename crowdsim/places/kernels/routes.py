@@ -47,6 +47,8 @@ def first_corner(places, frame, x, z, to_x, to_z):
         for j in range(CORNERS):
             if left_there >> j & 1:
                 last = _apart(corners, there[j], to_x, to_z)
+                if last >= best:
+                    continue
                 for i in range(CORNERS):
                     if left_here >> i & 1:
                         length = last + apart[there[j], here[i]] + _apart(corners, here[i], x, z)

@@ -245,30 +245,21 @@ def _add_obstacles(model, avatars, places, frame, own, furthest, ends):
         gap, nx, nz = part_gap(part, x, z)
         if gap > far:
             continue
+        first, last = model.actions[offset].strikes, model.actions[model.offsets[state + 1]].strikes
+        for s in range(first, last if gap < STRIKES * size else first):
+            reach = model.strikes[s]
+            dx, dz = reach.x * cos + reach.z * sin, reach.z * cos - reach.x * sin
+            if gap + dx * nx + dz * nz < 0.0 and part.height > reach.y * size:
+                ends.cost[int(reach.owner)] += AGAINST * (way_gap(part, x, z, x + dx, z + dz) < 0.0)
         spare = gap - min(before, gap)
         for k in range(np.uint64(model.offsets[state + 1] - offset)):
-            action = np.uint64(offset) + k
             nearest = min(ends.x[k] * nx + ends.z[k] * nz, ends.halt_x[k] * nx + ends.halt_z[k] * nz)
-            if model.actions[action].strikes < model.actions[action + 1].strikes and gap < STRIKES * size:
-                ends.cost[k] += AGAINST * _strikes_into(model, part, x, z, gap, nx, nz, action, cos, sin, size)
             if spare + nearest >= 0.0:
                 continue
             lack = max(0.0, _lack(part, x, z, gap, nx, nz, ends.x[k], ends.z[k], before))
             lack = max(lack, _lack(part, x, z, gap, nx, nz, 0.5 * ends.x[k], 0.5 * ends.z[k], before))
             lack = max(lack, _lack(part, x, z, gap, nx, nz, ends.halt_x[k], ends.halt_z[k], HALTED * before))
             ends.cost[k] += THROUGH * lack
-
-
-@kernel(inline=True)
-def _strikes_into(model, part, x, z, gap, nx, nz, action, cos, sin, size):
-    """Return how many strikes of an action end in a part of an obstacle, or behind it."""
-    found = 0
-    for s in range(model.actions[action].strikes, model.actions[action + 1].strikes):
-        reach = model.strikes[s]
-        dx, dz = reach.x * cos + reach.z * sin, reach.z * cos - reach.x * sin
-        if part.height > reach.y * size and gap + dx * nx + dz * nz < 0.0:
-            found += way_gap(part, x, z, x + dx, z + dz) < 0.0
-    return found
 
 
 @kernel(inline=True)

@@ -1,0 +1,82 @@
+"""Obstacles are in pictures: as large as they are, doors while they are closed, and in those of runs."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import crowdsim, write_scene
+
+from crowdsim.places.arrays import pack_parts
+from crowdsim.places.description import BoxObstacle, DiscObstacle, Door, RopesObstacle, WallObstacle
+from crowdsim.places.kernels.records import PART
+from crowdsim.render.obstacles import join_capsules, obstacle_capsules
+from crowdsim.runs.opening import read_obstacles
+
+WALL = WallObstacle(
+    kind="wall", points=((-2.0, 1.0), (2.0, 1.0)), height=2.0, doors=(Door(at=2.0, width=1.0, opens=3.0),)
+)
+
+
+def bounds(*shapes, seconds=0.0):
+    shapes_of = obstacle_capsules(pack_parts(list(enumerate(shapes)), 1.0), seconds).shapes
+    ends = shapes_of[:, :6].reshape(-1, 2, 3)
+    radii = shapes_of[:, 6:, None]
+    return (ends - radii).min(axis=(0, 1)), (ends + radii).max(axis=(0, 1))
+
+
+@pytest.mark.parametrize(
+    ("shape", "low", "high"),
+    [
+        (WALL, [-2.1, -0.1, 0.9], [2.1, 2.0, 1.1]),
+        (BoxObstacle(kind="box", centre=(1.0, 2.0), size=(2.0, 0.6), height=0.9), [0.0, -0.06, 1.7], [2.0, 0.9, 2.3]),
+        (DiscObstacle(kind="disc", centre=(1.0, 2.0), radius=0.4, height=3.0), [0.6, -0.4, 1.6], [1.4, 3.0, 2.4]),
+        (
+            RopesObstacle(kind="ropes", points=((-2.0, -1.0), (-2.0, 1.0), (2.0, 1.0), (2.0, -1.0))),
+            [-2.05, -0.05, -1.05],
+            [2.05, 1.35, 1.05],
+        ),
+    ],
+)
+def test_obstacles_are_as_large_in_pictures_as_they_are(shape, low, high):
+    found = bounds(shape)
+    np.testing.assert_allclose(found[0], low, atol=1e-5)
+    np.testing.assert_allclose(found[1], high, atol=1e-5)
+
+
+def test_a_turned_box_is_turned_as_an_avatar_with_that_heading():
+    # From +z towards +x: what is along x points to -z after a quarter.
+    low, high = bounds(BoxObstacle(kind="box", centre=(0.0, 0.0), size=(3.0, 1.0), rotation=90.0))
+    np.testing.assert_allclose([low[0], low[2], high[0], high[2]], [-0.5, -1.5, 0.5, 1.5], atol=1e-5)
+
+
+def test_a_door_is_shown_until_it_opens():
+    parts = pack_parts([(0, WALL)], 1.0)
+    shut, still, gap = (obstacle_capsules(parts, seconds) for seconds in (0.0, 2.99, 3.0))
+    assert shut.shapes.tobytes() == still.shapes.tobytes()
+    middle = np.abs(gap.shapes[:, [0, 3]]).min()
+    assert middle == pytest.approx(0.6)
+    assert len(np.unique(shut.owners)) == len(np.unique(gap.owners)) + 1 == 3
+
+
+def test_no_obstacles_are_no_capsules():
+    none = obstacle_capsules(np.zeros(0, PART), 0.0)
+    some = obstacle_capsules(pack_parts([(0, WALL)], 1.0), 0.0)
+    joined = join_capsules(some, none)
+    assert joined.shapes.shape == some.shapes.shape
+    assert joined.owners.dtype == np.int32
+
+
+def test_obstacles_are_in_the_pictures_of_run_and_of_render_alike(workplace: Path) -> None:
+    pictures = {"png": True, "mp4": False, "fps": 15, "size": [160, 96], "frames": [0, 1]}
+    drawn = {}
+    for name, obstacles in (("walled", [{"kind": "wall", "points": [[-3, 3], [3, 3]]}]), ("bare", [])):
+        outputs = {"render": pictures}
+        write_scene(workplace / f"{name}.yaml", name="four", obstacles=obstacles, duration=3, outputs=outputs)
+        assert crowdsim("run", f"{name}.yaml", "--out", name, "--quiet") == 0
+        size = ["--size", "160x96", "--fps", "15", "--frames", "0:1"]
+        assert crowdsim("render", name, "--png", *size, "--out", f"{name}_again", "--quiet") == 0
+        again = (workplace / f"{name}_again" / "frames" / "000000.png").read_bytes()
+        drawn[name] = (workplace / name / "frames" / "000000.png").read_bytes()
+        assert drawn[name] == again
+        assert len(read_obstacles(workplace / name)) == len(obstacles)
+    assert drawn["walled"] != drawn["bare"]
