@@ -212,16 +212,15 @@ def plan_cameras(
         of the camera in a scenario.
     """
     found: dict[str, tuple[Array, dict[str, Any]]] = {}
-    names = [name for name in _CAMERAS if whole or name != "auto"]
-    if len(crowd.present) in _FEW:
-        names.remove("auto") if "auto" in names else None
+    few = len(crowd.present) in _FEW
+    names = [name for name in _CAMERAS if name != "auto" or (whole and not few)]
     moments = first + np.arange(0.0, frames + _TRACK_STEP * source.fps, _TRACK_STEP * source.fps)
     moments = np.minimum(moments, first + frames - 1)
     tracks: dict[str, tuple[Track, dict[str, Any]]] = {
         name: (build_track(source, name, _SIZE, crowd), {"kind": name}) for name in names
     }
     for name, camera in source.cameras.items() if whole else ():
-        if camera.kind != "fight" and not (camera.kind == "auto" and len(crowd.present) in _FEW):
+        if camera.kind != "fight" and not (camera.kind == "auto" and few):
             keys = camera.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
             tracks[name] = build_track(source, camera, _SIZE, crowd), {**keys, "kind": camera.kind}
     for name, (track, keys) in tracks.items():
