@@ -389,7 +389,7 @@ def test_exports_and_pictures_of_a_run_are_those_of_the_command_line(workplace: 
 
 def test_exports_and_pictures_that_cannot_be_are_refused(take: RecordedRun) -> None:
     with pytest.raises(
-        CrowdsimError, match=r"cannot export 'bhv', expected bvh, ply, pcd, csv, glb \(did you mean 'bvh'\?\)"
+        CrowdsimError, match=r"cannot export 'bhv', expected bvh, ply, pcd, clips, csv, glb \(did you mean 'bvh'\?\)"
     ):
         take.export("bhv", "out")
     with pytest.raises(

@@ -377,7 +377,7 @@ def test_the_command_exports_what_is_asked_for(workplace: Path, capsys) -> None:
     assert crowdsim("verify", run_folder) == 0
     capsys.readouterr()
     assert crowdsim("export", run_folder) == 2
-    assert capsys.readouterr().err == "nothing to export, expected --bvh, --ply, --pcd, --csv or --glb\n"
+    assert capsys.readouterr().err == "nothing to export, expected --bvh, --ply, --pcd, --clips, --csv or --glb\n"
     assert crowdsim("export", run_folder, "--bvh", "--avatars", "2-4") == 2
     assert capsys.readouterr().err == "avatars '2-4': there is no avatar 4, expected 0 to 3, or its name\n"
     assert crowdsim("export", workplace, "--bvh") == 2
