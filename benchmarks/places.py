@@ -4,7 +4,7 @@
 
 Walls of 1 to 3 m lie at random in a square of twice ``--half``, none on an avatar. Both crowds run in turns, a run of
 each after the other; what counts is the least processor time of the runs. ``hidden_share`` says in how much of the time
-the straight way to an opponent leads through a wall.
+the straight way to the opponent that an avatar has chosen leads through a wall.
 """
 
 from __future__ import annotations

@@ -7,14 +7,17 @@ import numpy as np
 import pytest
 from naive_places import gap_to, stands
 from synthetic_policy import policy
+from test_damage import fighters, with_falls
 from test_simulation import bytes_of, crowd
 
 from crowdsim.crowd.kernels.confinement import CLEARANCE
-from crowdsim.crowd.kernels.layout import LANDED, PELVIS
+from crowdsim.crowd.kernels.fall_clearance import SLIDES, hemmed_in, slide
+from crowdsim.crowd.kernels.layout import LANDED, PELVIS, Observed
+from crowdsim.crowd.obstacles import scenario_shapes
 from crowdsim.crowd.placement import place_groups
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.errors import ScenarioError
-from crowdsim.places.arrays import pack_parts
+from crowdsim.places.arrays import build_places, pack_parts
 from crowdsim.places.description import BoxObstacle, DiscObstacle, Door, RopesObstacle, WallObstacle
 from crowdsim.scenario.scenario import load_scenario
 
@@ -155,6 +158,15 @@ def test_walls_that_close_a_group_in_are_refused_unless_a_door_opens(tmp_path):
     assert refusal(tmp_path, [{**room, "doors": [{"at": 3, "opens": None}]}])
 
 
+def test_a_round_solid_arena_has_ropes_just_inside_its_border(tmp_path):
+    arena = {"kind": "circle", "radius": 7, "centre": [0, 2], "solid": True}
+    ((_, ropes),) = scenario_shapes(scenario(tmp_path, [], arena=arena))
+    corners = np.array(ropes.points) - [0.0, 2.0]
+    middles = (corners + np.roll(corners, 1, axis=0)) / 2
+    assert np.linalg.norm(corners, axis=1) == pytest.approx(7.0)
+    assert 6.97 < np.linalg.norm(middles, axis=1).min() < 7.0
+
+
 def test_discs_of_avatars_leave_obstacles_out(tmp_path):
     groups = [{"name": "all", "type": "a", "count": 40, "placement": {"kind": "disc", "radius": 4, "distance": 0.6}}]
     obstacles = [{"kind": "box", "centre": [1, 0], "size": [3, 3]}, {"kind": "disc", "centre": [-3, 0], "radius": 1}]
@@ -194,3 +206,31 @@ def refusal_of(one):
     with pytest.raises(ScenarioError) as failure:
         place_groups(one)
     return str(failure.value)
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.1, -2.5])
+def test_bodies_fall_before_a_wall(turn):
+    model = with_falls()
+    axes = model.fall_axes.copy()
+    axes["to_z"] = 1.6  # a body lies ahead of where it stands, from its head to its feet
+    model = model._replace(fall_axes=axes)
+    one = Simulation(replace(fighters(1), policies=POLICIES), model=model)
+    own, nobody = 0, Observed(np.array([0], np.int32), np.array([0], np.int32), np.zeros((1, 1), np.int32))
+    one.avatars.heading[own] = turn
+    here, ahead = np.array([one.avatars.x[own], one.avatars.z[own]]), np.array([np.sin(turn), np.cos(turn)])
+    aside = np.array([ahead[1], -ahead[0]])
+    lacks, slides = {}, {}
+    for far in (2.2, 1.3, 0.9):
+        ends = [tuple((here + far * ahead + side * aside).tolist()) for side in (-3.0, 3.0)]
+        wall = WallObstacle(kind="wall", points=tuple(ends), thickness=0.02)
+        world = one._world._replace(places=build_places(pack_parts([(0, wall)], 15.0)))
+        lacks[far] = hemmed_in(model, one.avatars, world, 0, own, 0, 0.0, 0.0)
+        slide(model, one.avatars, world, 0, own, 0, nobody, 0)
+        slides[far] = float(np.array([one.avatars.slides["x"][own], one.avatars.slides["z"][own]]) @ ahead)
+        size = one.avatars.playback["scale"][own]
+        naive = max(0.25 * size - (far - 0.01 - 1.6 * size), 0.0)
+        assert lacks[far] == pytest.approx(20.0 * naive**2, abs=1e-3)
+    assert lacks[2.2] == 0.0 < lacks[1.3] < lacks[0.9]
+    assert slides[2.2] == 0.0
+    for far in (1.3, 0.9):  # in the nearest of eight directions
+        assert slides[far] == pytest.approx(-SLIDES, rel=0.08)

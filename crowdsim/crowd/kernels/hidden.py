@@ -44,7 +44,14 @@ def _nearest_seen(avatars, world, now, own, opponent, observed, q):
     skip, slot, x, z = avatars.skip[own], avatars.slot_of[opponent], avatars.x[own], avatars.z[own]
     best = (FURTHER * math.sqrt((avatars.x[slot] - x) ** 2 + (avatars.z[slot] - z) ** 2) + 1.0) ** 2
     found, near = opponent, observed.counts[q]
-    # Neighbours first, since one that is seen leaves few others to be looked at.
+    # The opponent so far and neighbours first, since one that is seen leaves few others to be looked at.
+    old = avatars.opponent[own]
+    if old >= 0 and old != opponent and avatars.slot_of[old] < now.present:
+        j = avatars.slot_of[old]
+        square = (avatars.x[j] - x) ** 2 + (avatars.z[j] - z) ** 2
+        is_open = j != own and avatars.team[j] != skip and avatars.team[j] >= 0
+        if is_open and square < best and not is_hidden(avatars, world, now.frame, own, avatars.x[j], avatars.z[j]):
+            best, found = square, old
     for m in range(near + (now.present if now.present <= LOOKED_AT else 0)):
         j = observed.neighbours[q, m] if m < near else m - near
         if j == own or avatars.team[j] == skip or avatars.team[j] < 0:
