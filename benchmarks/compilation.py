@@ -87,8 +87,11 @@ def commands(use: str, folder: Path) -> list[list[str]]:
     return {
         "training": [["train", name, "--force"] for name in POLICIES.values()],
         "bvh": [["export", run, "--bvh", "--out", str(folder)]],
-        "bodies": [["export", run, "--glb", "--out", str(folder)]],
-        "clouds": [["export", run, "--ply", "--out", str(folder)]],
+        "bodies": [["export", run, "--glb", "--clips", "--out", str(folder)]],
+        "clouds": [
+            ["export", run, "--ply", "--out", str(folder)],
+            ["export", run, "--ply", "--surface", "body", "--out", str(folder / "on_skins")],
+        ],
         "pictures": [["render", run, "--out", str(folder / "pictures"), "--frames", "80:82"]],
     }[use]
 
