@@ -12,7 +12,7 @@ from crowdsim.config.files import Finding
 from crowdsim.core.types import Array
 from crowdsim.places.arrays import Places, build_places, gaps_of, pack_parts
 from crowdsim.places.description import Obstacles, PlanObstacle, RopesObstacle, Shape, WallObstacle
-from crowdsim.places.kernels.distance import CLEAR, part_gap
+from crowdsim.places.kernels.distance import CLEAR
 from crowdsim.places.kernels.records import DOOR, PART
 from crowdsim.places.plans import read_plan
 from crowdsim.places.sketch import PlanError
@@ -26,7 +26,7 @@ _SAGITTA = 0.02
 """How far ropes along a circle are inside it [m]."""
 _NARROWEST = 0.28
 """How far from obstacles bodies can pass [m]."""
-_MOST_SQUARES = 4_000_000
+_MOST_SQUARES = 500_000
 _PROBED = 0.5
 """How far before and behind a door there must be room [m]."""
 
@@ -87,7 +87,7 @@ def obstacle_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]], x
     """Return what is wrong with obstacles and the positions of avatars at the start (N,)."""
     if not shapes:
         return []
-    places = build_places(pack_parts(shapes, 1.0))
+    places = build_places(pack_parts(shapes, 1.0), with_ways=False)
     findings = _start_findings(scenario, shapes, places, x, z)
     findings += _door_findings(scenario, shapes)
     return findings or _enclosed_findings(scenario, places, x, z)
@@ -145,8 +145,12 @@ def _start_findings(
 
 def _nearest_obstacle(places: Places, point: Array) -> int:
     """Return the number of the obstacle nearest to a point."""
-    gaps = [part_gap(part, float(point[0]), float(point[1]))[0] for part in places.parts]
-    return int(places.parts["obstacle"][int(np.argmin(gaps))])
+    parts = places.parts
+    dx, dz = point[0] - parts["x"], point[1] - parts["z"]
+    over = np.abs(dx * parts["ux"] + dz * parts["uz"]) - parts["half_along"]
+    beside = np.abs(dz * parts["ux"] - dx * parts["uz"]) - parts["half_across"]
+    gaps = np.hypot(np.maximum(over, 0.0), np.maximum(beside, 0.0)) + np.minimum(np.maximum(over, beside), 0.0)
+    return int(parts["obstacle"][int(np.argmin(gaps - parts["radius"]))])
 
 
 def _nearest_free(places: Places, point: Array) -> Array | None:
@@ -173,7 +177,7 @@ def _door_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]]) -> l
     parts = pack_parts(shapes, 1.0)
     if not (parts["kind"] == DOOR).any():
         return []
-    places = build_places(parts[parts["kind"] != DOOR])
+    places = build_places(parts[parts["kind"] != DOOR], with_ways=False)
     findings, seen = [], 0
     for number, shape in shapes:
         if not isinstance(shape, WallObstacle):

@@ -41,7 +41,7 @@ def place_groups(scenario: Scenario) -> Array:
     placed = np.empty((3, int(starts[-1])))
     x, z, headings = placed
     shapes = scenario_shapes(scenario)
-    places = build_places(pack_parts(shapes, 1.0) if shapes else np.zeros(0, PART))
+    places = build_places(pack_parts(shapes, 1.0) if shapes else np.zeros(0, PART), with_ways=False)
     for i in range(len(groups)):
         start, stop = int(starts[i]), int(starts[i + 1])
         _place(scenario, i, start, stop, x, z, headings, places)

@@ -135,11 +135,12 @@ def _stretches(
     return found
 
 
-def build_places(parts: Array) -> Places:
+def build_places(parts: Array, with_ways: bool = True) -> Places:
     """Return obstacles, ready for kernels; without parts arrays are empty, and no kernel looks at them.
 
     Args:
         parts: The parts, ``pack_parts``. Shape (n,), ``PART``.
+        with_ways: Whether ways around them are worked out, which takes most of the time.
     """
     if not len(parts):
         none, nowhere = np.zeros(0, np.int32), Grid(0.0, 0.0, 1.0, 0.0, 0.0)
@@ -154,12 +155,14 @@ def build_places(parts: Array) -> Places:
     list_parts(parts, grid, REACH, offsets, listed, clear)
     times = np.concatenate([parts["opens"], parts["closes"]])
     phases = np.append(-np.inf, np.unique(times[np.isfinite(times)]))
-    ways_grid = _grid_over(parts, _MARGIN, _WAYS_CELL, _MOST_WAYS_CELLS)
+    ways_grid = _grid_over(parts, _MARGIN, _WAYS_CELL, _MOST_WAYS_CELLS if with_ways else 1)
     cells = int(ways_grid.columns * ways_grid.rows)
     places = Places(
         parts, grid, offsets, listed, clear, phases, np.zeros((0, 2)), np.zeros((len(phases), 0, 0)), ways_grid,
         np.full((len(phases), cells, CORNERS), -1, np.int32),
     )  # fmt: skip
+    if not with_ways:
+        return places
     corners = _find_corners(places._replace(parts=_opened(parts)))
     places = places._replace(corners=corners, apart=np.empty((len(phases), len(corners), len(corners))))
     if not len(corners):

@@ -38,7 +38,11 @@ name: rich
 description: "text"
 seed: 3
 duration: {seconds: 2}
-arena: {kind: circle, radius: 50}
+arena: {kind: circle, radius: 50, solid: true}
+obstacles:
+  - {kind: wall, points: [[-30, 30], [30, 30]], doors: [{at: 20, opens: 2}]}
+  - {kind: box, centre: [30, -10], size: [1, 2], rotation: 20}
+  - {kind: disc, centre: [-30, -10], radius: 0.5}
 types:
   a: &a {policy: boxer, behaviours: {strike: 1}, candidates: {margin: 0.5}, tempo: null, colour: '#a0b0c0'}
   b: {<<: *a, speed: {kind: uniform, minimum: 0.9, maximum: 1.1}}
