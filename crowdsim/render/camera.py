@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -111,6 +111,7 @@ def build_track(source: PoseSource, camera: Chosen, size: tuple[int, int], crowd
     sun = sun_direction(crowd.facing + math.pi + 1.05)
     (one,) = resolve_camera(source, camera)
     plan, lens = one.plan(Footage(source, crowd, size)), one.lens
-    if lens is None or lens.aperture == 0.0:
-        return Track(plan, sun)
-    return Track(lambda frame: replace(plan(frame), aperture=lens.aperture, focus=lens.focus), sun)
+    keys: dict[str, Any] = {"sees_through": one.sees_through}
+    if lens is not None:
+        keys.update(aperture=lens.aperture, focus=lens.focus)
+    return Track(lambda frame: replace(plan(frame), **keys), sun)

@@ -22,6 +22,10 @@ _ROPES, _POST = 3, 0.05
 """Ropes above one another, and the radius of the posts between them [m]."""
 _GROOVE = 0.13
 """How far apart capsules are beside one another, over their diameter."""
+_LOOKED_AT, _TRUNK = 500, 1.1
+"""Of how many avatars it is looked at whether obstacles hide them, and the height of the middle of a trunk [m]."""
+_CLOSE = 1.0
+"""How near the eye an obstacle fills the picture [m]."""
 _MOST_RADIUS, _FACE = 0.25, 0.06
 """Radius of capsules of walls at most, and of those in the faces of boxes [m]."""
 
@@ -35,6 +39,36 @@ def obstacle_capsules(parts: Array, seconds: float) -> Capsules:
     """
     stands = ~((parts["opens"] <= seconds) & (seconds < parts["closes"]))
     return _capsules_of(parts[stands].tobytes())
+
+
+def hide_avatars(parts: Array, eye: Array, ground: Array) -> Array:
+    """Return which parts of obstacles are between an eye and the trunk of an avatar, or right before the eye.
+
+    Args:
+        parts: Parts of obstacles. Shape (n,), ``PART``.
+        eye: Position of the eye [m]. Shape (3,).
+        ground: Where avatars are, x and z [m], NaN while absent; of a crowd some stand for all. Shape (N, 2).
+
+    Returns:
+        Shape (n,), bool.
+    """
+    ground = ground[np.isfinite(ground).all(axis=1)]
+    ground = ground[:: max(1, len(ground) // _LOOKED_AT)].astype(float)
+    found = np.zeros(len(parts), bool)
+    for number, part in enumerate(parts):
+        along, across = np.array([part["ux"], part["uz"]]), np.array([-part["uz"], part["ux"]])
+        axes, middle = np.array([along, across]), np.array([part["x"], part["z"]])
+        half = np.array([part["half_along"], part["half_across"]]) + part["radius"]
+        start, way = axes @ (eye[[0, 2]] - middle), (ground - eye[[0, 2]]) @ axes.T
+        way = np.where(np.abs(way) < 1e-9, 1e-9, way)
+        ends = np.sort(np.stack([(-half - start) / way, (half - start) / way]), axis=0)
+        first, last = np.maximum(ends[0].max(axis=1), 0.0), np.minimum(ends[1].min(axis=1), 1.0)
+        # The line of sight to the middle of a trunk is lowest where it leaves the part.
+        low = eye[1] + (_TRUNK - eye[1]) * np.stack([first, last])
+        hides = ((first < last) & (low.min(axis=0) < part["height"])).any()
+        is_close = np.linalg.norm(np.maximum(np.abs(start) - half, 0.0)) < _CLOSE and eye[1] < part["height"] + _CLOSE
+        found[number] = hides or is_close
+    return found
 
 
 @lru_cache(maxsize=8)

@@ -18,14 +18,15 @@ from crowdsim.render.caption import draw_caption
 from crowdsim.render.crowd_path import watch
 from crowdsim.render.edit import EditedSource
 from crowdsim.render.look import Look
-from crowdsim.render.obstacles import join_capsules, obstacle_capsules
-from crowdsim.render.raycast import Flashes, draw
+from crowdsim.render.obstacles import hide_avatars, join_capsules, obstacle_capsules
+from crowdsim.render.raycast import Capsules, Flashes, draw
 from crowdsim.render.scene import Cast, build_cast
 from crowdsim.render.skins import BODY_SCALE, LEAST_SCALE, SkinCast
 from crowdsim.render.source import PoseSource, Shown
+from crowdsim.render.view import View
 from crowdsim.scenario.cameras import Chosen
 
-VERSION = 6
+VERSION = 7
 """Counts changes after which pictures differ."""
 _BETWEEN = 34
 """Grey of the line between cameras side by side."""
@@ -105,15 +106,12 @@ class Stage:
             0.55 + 0.45 * np.clip(np.asarray(speeds)[marked] / 9.0, 0.0, 1.0),
             np.asarray(outcomes)[marked],
         )
-        obstacles = getattr(self.source, "obstacles", None)
-        if obstacles is not None and len(obstacles):
-            capsules = join_capsules(capsules, obstacle_capsules(obstacles, self.source.seconds(frame)))  # type: ignore[attr-defined]
         height, edges = self.size[1], self._edges()
         parts = [
             mean_light(
                 [
                     draw(
-                        capsules,
+                        self._among_obstacles(capsules, frame, track.view(frame)),
                         view,
                         (right - left, height),
                         track.sun,
@@ -132,6 +130,16 @@ class Stage:
         for edge in edges[1:-1]:
             picture[:, max(edge - 1, 0) : edge + 1] = 0 if self.look.transparent else _BETWEEN
         return picture
+
+    def _among_obstacles(self, capsules: Capsules, frame: int, view: View) -> Capsules:
+        """Return capsules of avatars with those of obstacles; of some cameras without obstacles that hide avatars."""
+        obstacles = getattr(self.source, "obstacles", None)
+        if obstacles is None or not len(obstacles):
+            return capsules
+        if view.sees_through:
+            ground = self.source.ground(np.array([frame]))[0, :, :2]
+            obstacles = obstacles[~hide_avatars(obstacles, view.eye, ground)]
+        return join_capsules(capsules, obstacle_capsules(obstacles, self.source.seconds(frame)))  # type: ignore[attr-defined]
 
     def scales(self, frame: int) -> Array:
         """Return at how many pixels a metre each avatar shows at a frame, 0 where nothing of it is seen. Shape (N,)."""

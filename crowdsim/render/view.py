@@ -33,6 +33,7 @@ class View:
         field: Angle between the upper and lower edge of the picture [rad].
         aperture: Radius of the opening of the lens [m]; 0 where everything is sharp.
         focus: Distance at which the picture is sharp [m]; that of what it looks at when None.
+        sees_through: Whether obstacles that hide avatars are left out.
     """
 
     eye: Array
@@ -42,6 +43,7 @@ class View:
     field: float = FIELD
     aperture: float = 0.0
     focus: float | None = None
+    sees_through: bool = False
 
     @property
     def haze(self) -> float:

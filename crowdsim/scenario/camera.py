@@ -76,9 +76,11 @@ class Camera(StrictModel):
 
     Attributes:
         follows: The key that ``KIND:AVATAR`` gives, ``avatar`` or ``avatars``, for kinds that have one.
+        sees_through: Whether its pictures leave out obstacles that hide avatars, since nobody has placed it by hand.
     """
 
     follows: ClassVar[str] = ""
+    sees_through: ClassVar[bool] = True
 
     kind: str
     lens: Lens | None = Field(

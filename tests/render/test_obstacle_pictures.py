@@ -4,13 +4,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from render_sources import Walkers
 from scenes import crowdsim, write_scene
 
 from crowdsim.places.arrays import pack_parts
 from crowdsim.places.description import BoxObstacle, DiscObstacle, Door, RopesObstacle, WallObstacle
 from crowdsim.places.kernels.records import PART
-from crowdsim.render.obstacles import join_capsules, obstacle_capsules
+from crowdsim.render.look import Look
+from crowdsim.render.obstacles import hide_avatars, join_capsules, obstacle_capsules
+from crowdsim.render.stage import build_stage
 from crowdsim.runs.opening import read_obstacles
+from crowdsim.scenario.cameras import KINDS
 
 WALL = WallObstacle(
     kind="wall", points=((-2.0, 1.0), (2.0, 1.0)), height=2.0, doors=(Door(at=2.0, width=1.0, opens=3.0),)
@@ -80,3 +84,48 @@ def test_obstacles_are_in_the_pictures_of_run_and_of_render_alike(workplace: Pat
         assert drawn[name] == again
         assert len(read_obstacles(workplace / name)) == len(obstacles)
     assert drawn["walled"] != drawn["bare"]
+
+
+def hidden(eye, *avatars, height=2.0):
+    wall = WallObstacle(kind="wall", points=((-2.0, 1.0), (2.0, 1.0)), height=height)
+    far = WallObstacle(kind="wall", points=((-2.0, -9.0), (2.0, -9.0)), height=height)
+    parts = pack_parts([(0, wall), (1, far)], 1.0)
+    return hide_avatars(parts, np.array(eye, float), np.array(avatars, float)).tolist()
+
+
+def test_what_hides_avatars_from_an_eye_is_between_them():
+    assert hidden((0, 1.5, 6), (0, 0)) == [True, False]
+    assert hidden((0, 1.5, 6), (0, 3)) == [False, False], "the avatar stands before the wall"
+    assert hidden((0, 1.5, 6), (9, 0)) == [False, False], "the wall ends beside the line of sight"
+    assert hidden((0, 1.5, 6), (9, 0), (0, 0)) == [True, False]
+    assert hidden((0, 9.0, 6), (0, -4)) == [False, False], "the eye sees over the wall"
+    assert hidden((0, 9.0, 6), (0, -4), height=6.0) == [True, False]
+    assert hidden((0, 1.5, 6), (np.nan, np.nan)) == [False, False]
+    assert hidden((0, 1.5, 1.8), (0, 4)) == [True, False], "the eye is right before the wall"
+
+
+class Walled(Walkers):
+    """Walkers behind a wall."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        wall = WallObstacle(kind="wall", points=((-9.0, 1.0), (9.0, 1.0)), height=3.0)
+        self.obstacles = pack_parts([(0, wall)], 1.0)
+
+    def seconds(self, frame):
+        return frame / self.fps
+
+
+def test_cameras_that_are_placed_by_hand_show_what_hides_avatars():
+    paths = np.zeros((2, 2, 3))
+    paths[:, :, 0] = [-0.5, 0.5]
+    look = Look(caption=False, marks="none")
+    pictures = {}
+    for kind, keys in (("front", {}), ("fixed", {"position": (0, 1.5, 5)}), ("side", {})):
+        for source in (Walkers, Walled):
+            camera = KINDS[kind](kind=kind, **keys)
+            pictures[kind, source] = build_stage(source(paths), (96, 64), camera, look).picture(0)
+    assert (pictures["fixed", Walkers] != pictures["fixed", Walled]).mean() > 0.3
+    seen = {kind: (pictures[kind, Walkers] != pictures[kind, Walled]).any() for kind in ("front", "side")}
+    # One of the two looks along z, from one side or the other.
+    assert not all(seen.values())

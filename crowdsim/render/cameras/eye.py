@@ -34,6 +34,8 @@ class EyeCamera(Camera):
 
     follows = "avatar"
 
+    sees_through = False
+
     kind: Literal["eye"] = Field(description="Sees what an avatar sees, 70 degrees high without a lens.")
     avatar: AvatarRef = Field(default=0, description="Number or name of the avatar.")
 

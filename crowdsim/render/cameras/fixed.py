@@ -24,6 +24,8 @@ _NEAREST = 0.3
 class FixedCamera(Camera):
     """Stays in one position, and looks at a point or turns after an avatar."""
 
+    sees_through = False
+
     kind: Literal["fixed"] = Field(description="Stays in one position, and looks at a point or turns after an avatar.")
     position: Position = Field(description="Position of the camera, x, y and z [m].")
     look_at: Position | None = Field(

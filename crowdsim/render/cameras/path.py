@@ -28,6 +28,8 @@ class CameraKey(StrictModel):
 class PathCamera(Camera):
     """Moves smoothly through keys in time."""
 
+    sees_through = False
+
     kind: Literal["path"] = Field(description="Moves smoothly through keys in time.")
     keys: tuple[CameraKey, ...] = Field(min_length=1, description="Where it is at which time, in order of time.")
 
