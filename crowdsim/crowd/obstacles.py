@@ -72,12 +72,12 @@ def obstacle_shapes(obstacles: Obstacles, arena: Arena, folder: Path) -> list[tu
     return [*found, (BORDER, RopesObstacle.model_construct(kind="ropes", points=tuple(points), height=1.3))]
 
 
-def pack_obstacles(scenario: Scenario, rate: float) -> Array:
+def pack_obstacles(scenario: Scenario, rate: float | None) -> Array:
     """Return the parts of a scenario's obstacles, see ``places.arrays.pack_parts``. Shape (n,), ``PART``.
 
     Args:
         scenario: The scenario.
-        rate: Control frames a second.
+        rate: Control frames a second; doors open by seconds when None.
     """
     shapes = scenario_shapes(scenario)
     return pack_parts(shapes, rate) if shapes else np.zeros(0, PART)
@@ -208,6 +208,8 @@ def _enclosed_findings(scenario: Scenario, places: Places, x: Array, z: Array) -
     """
     from scipy import ndimage
 
+    from crowdsim.crowd.placement import teams_of_avatars
+
     parts = places.parts.copy()
     parts["opens"][np.isfinite(parts["opens"])] = -math.inf
     parts["closes"] = math.inf
@@ -226,21 +228,25 @@ def _enclosed_findings(scenario: Scenario, places: Places, x: Array, z: Array) -
     region = labels[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
     region[beyond] = labels[0, 0]  # the corners of the grid are open ground
     starts = np.concatenate([[0], np.cumsum([group.count for group in scenario.groups])])
-    team = np.repeat([scenario.teams.index(group.team) for group in scenario.groups], np.diff(starts))
+    team = teams_of_avatars(scenario)
     findings = []
     for index, group in enumerate(scenario.groups):
         opponents = group.opponents or scenario.opponents
         if isinstance(opponents, TargetOpponents):
             continue
-        others = np.ones(len(x), bool)
-        if isinstance(opponents, OtherTeamOpponents):
-            others = team != team[starts[index]]
-        elif isinstance(opponents, FixedOpponents):
-            others = np.repeat([one.name == opponents.group for one in scenario.groups], np.diff(starts))
         mine = np.arange(starts[index], starts[index + 1])
-        count = np.bincount(region[others], minlength=int(labels.max()) + 1)
-        closed = mine[count[region[mine]] - others[mine] <= 0]
-        if len(closed) and len(closed) == len(mine) and others.sum() > others[mine[0]]:
+        closed, has_opponents = 0, False
+        for own in np.unique(team[mine]):  # rows of a table name teams of their own
+            others = np.ones(len(x), bool)
+            if isinstance(opponents, OtherTeamOpponents):
+                others = team != own
+            elif isinstance(opponents, FixedOpponents):
+                others = np.repeat([one.name == opponents.group for one in scenario.groups], np.diff(starts))
+            some = mine[team[mine] == own]
+            count = np.bincount(region[others], minlength=int(labels.max()) + 1)
+            closed += np.count_nonzero(count[region[some]] - others[some] <= 0)
+            has_opponents |= bool(others.sum() > others[some[0]])
+        if closed == len(mine) and has_opponents:
             one = int(mine[0])
             what = f"obstacles close the group in at {x[one]:.2f}, {z[one]:.2f}: no way leads to an opponent of any of "
             what += f"its avatars, expected a gap or a door of {2 * CLEAR:g} m or more"

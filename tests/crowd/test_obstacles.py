@@ -158,6 +158,23 @@ def test_walls_that_close_a_group_in_are_refused_unless_a_door_opens(tmp_path):
     assert refusal(tmp_path, [{**room, "doors": [{"at": 3, "opens": None}]}])
 
 
+def test_teams_that_rows_of_a_table_name_decide_who_is_closed_in(tmp_path):
+    (tmp_path / "cast.csv").write_text("name,x,z,team\nAnna,0,0,red\nBen,1,0,blue\nCleo,0,5,red\nDov,1,5,red\n")
+    text = """version: 1
+name: s
+duration: 15
+types: {a: {}}
+opponents: {kind: other_team}
+obstacles: [{kind: wall, points: [[-2, -2], [3, -2], [3, 2], [-2, 2]], closed: true}]
+groups: [{type: a, placement: {kind: table, file: cast.csv}}]
+"""
+    (tmp_path / "s.yaml").write_text(text)
+    place_groups(load_scenario(tmp_path / "s.yaml", policies=["boxer"]))
+    (tmp_path / "cast.csv").write_text("name,x,z,team\nAnna,0,0,red\nBen,1,5,blue\n")
+    message = refusal_of(load_scenario(tmp_path / "s.yaml", policies=["boxer"]))
+    assert "obstacles close the group in at 0.00, 0.00" in message
+
+
 def test_a_round_solid_arena_has_ropes_just_inside_its_border(tmp_path):
     arena = {"kind": "circle", "radius": 7, "centre": [0, 2], "solid": True}
     ((_, ropes),) = scenario_shapes(scenario(tmp_path, [], arena=arena))
