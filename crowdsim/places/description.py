@@ -76,6 +76,12 @@ class WallObstacle(StrictModel):
         return self
 
 
+class SolidObstacle(WallObstacle):
+    """A wall around an outline of a floor plan that is solid inside, but for its holes."""
+
+    holes: tuple[tuple[Point, ...], ...] = ()
+
+
 class BoxObstacle(StrictModel):
     """A box."""
 
@@ -126,7 +132,9 @@ class PlanObstacle(StrictModel):
 
     @model_validator(mode="after")
     def _check(self, info: ValidationInfo) -> PlanObstacle:
-        inner = PurePosixPath(self.file.replace("\\", "/"))
+        if "\\" in self.file:
+            raise Fault(f"{show(self.file)}, expected / between folders", "file")
+        inner = PurePosixPath(self.file)
         if inner.is_absolute() or ".." in inner.parts or ":" in self.file:
             raise Fault(f"{show(self.file)}, expected a path inside the scenario's folder", "file")
         if inner.suffix.lower() not in PLANS:

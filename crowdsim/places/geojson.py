@@ -7,6 +7,11 @@ import math
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
+from crowdsim.config.files import load_data
+from crowdsim.config.tree import shortened
+from crowdsim.errors import ScenarioError
 from crowdsim.places.description import Door
 from crowdsim.places.sketch import Line, PlanError, Sketch
 
@@ -41,7 +46,10 @@ def read_geojson(path: Path, text: str) -> Sketch:
         if not isinstance(given, dict):
             raise PlanError(f"{path}: {where}.properties: is no object, expected one or null")
         if isinstance(geometry, dict):
-            _add_geometry(f"{path}: {where}", geometry, given, sketch)
+            try:
+                _add_geometry(f"{path}: {where}", geometry, given, sketch)
+            except RecursionError:
+                raise PlanError(f"{path}: {where}: collections are too deep, expected few in one another") from None
     return sketch
 
 
@@ -54,7 +62,7 @@ def _add_geometry(where: str, geometry: dict[str, Any], given: dict[str, Any], s
         if given.get(name) is not None
     }
     if kind == "GeometryCollection":
-        for one in geometry.get("geometries") or []:
+        for one in _list(where, geometry.get("geometries")):
             if isinstance(one, dict):
                 _add_geometry(where, one, given, sketch)
     elif kind in ("LineString", "MultiLineString"):
@@ -62,26 +70,24 @@ def _add_geometry(where: str, geometry: dict[str, Any], given: dict[str, Any], s
         if not isinstance(doors, list):
             raise PlanError(f"{where}.properties.doors: is no list, expected one of doors")
         if doors:
-            keys["doors"] = tuple(Door.model_validate(door) for door in doors)
+            keys["doors"] = tuple(_door(f"{where}.properties.doors[{i}]", door) for i, door in enumerate(doors))
         for line in [at] if kind == "LineString" else _list(where, at):
-            points = _line(where, line)
+            points = _line(where, line, sketch)
             closed = len(points) > 3 and points[0] == points[-1]
-            sketch.walls.append((points[:-1] if closed else points, closed, keys))
+            sketch.walls.append((points[:-1] if closed else points, closed, keys, where))
     elif kind in ("Polygon", "MultiPolygon"):
-        for rings in [at] if kind == "Polygon" else _list(where, at):
-            for ring in _list(where, rings):
-                points = _line(where, ring)
-                points = points[:-1] if len(points) > 1 and points[0] == points[-1] else points
-                if given.get("kind") == "room":
-                    sketch.walls.append((points, True, keys))
-                else:
-                    sketch.solids.append((points, keys))
+        for polygon in [at] if kind == "Polygon" else _list(where, at):
+            rings = [_ring(where, ring, sketch) for ring in _list(where, polygon)]
+            if given.get("kind") == "room":
+                sketch.walls += [(ring, True, keys, where) for ring in rings]
+            elif rings:
+                sketch.solids.append((rings, keys, where))
     elif kind in ("Point", "MultiPoint"):
         radius = given.get("radius")
         if radius is not None:
             for point in [at] if kind == "Point" else _list(where, at):
-                middle = _line(where, [point])[0]
-                sketch.discs.append((middle, _number(f"{where}.properties.radius", radius), keys))
+                middle = _line(where, [point], sketch)[0]
+                sketch.discs.append((middle, _number(f"{where}.properties.radius", radius), keys, where))
     else:
         raise PlanError(f"{where}: geometry of type {kind!r}, expected LineString, Polygon or Point")
 
@@ -92,23 +98,46 @@ def _list(where: str, value: Any) -> list[Any]:
     return value
 
 
+def _door(where: str, value: Any) -> Door:
+    if not isinstance(value, dict):
+        raise PlanError(f"{where}: is {shortened(repr(value))}, expected a door, such as {{'at': 2, 'width': 1}}")
+    try:
+        return Door.model_validate(value)
+    except (ValidationError, OverflowError):
+        try:
+            return load_data(value, where, Door, ScenarioError)
+        except ScenarioError as error:
+            raise PlanError(str(error).replace("\n", "; ")) from None
+
+
 def _number(where: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise PlanError(f"{where}: is {value!r}, expected a number")
-    return float(value)
+    try:
+        if not isinstance(value, bool) and isinstance(value, int | float) and math.isfinite(value):
+            return float(value)
+    except OverflowError:
+        pass
+    raise PlanError(f"{where}: is {shortened(repr(value))}, expected a number")
 
 
-def _line(where: str, value: Any) -> Line:
-    """Return a line of positions; those that differ in height are refused."""
+def _ring(where: str, value: Any, sketch: Sketch) -> Line:
+    """Return an outline without its last position, which is its first."""
+    points = _line(where, value, sketch)
+    if len(set(points)) < 3:
+        raise PlanError(f"{where}: an outline has {len(set(points))} corners, expected 3 or more that differ")
+    return points[:-1] if points[0] == points[-1] else points
+
+
+def _line(where: str, value: Any, sketch: Sketch) -> Line:
+    """Return a line of positions; those that differ in height from others of the file are refused."""
     found: Line = []
-    heights = set()
     for position in _list(where, value):
         if not isinstance(position, list) or not 2 <= len(position) <= 3:
             raise PlanError(f"{where}: a position is {str(position)[:40]}, expected two numbers")
         x, z, *height = (_number(f"{where}: a position", number) for number in position)
-        heights.update(height)
+        sketch.heights.update(height)
         found.append((x, z))
-    if len(heights) > 1:
-        what = f"{where}: positions are {min(heights):g} to {max(heights):g} m high: uneven ground is not supported, "
-        raise PlanError(what + "every avatar moves on the plane y = 0, expected one height")
+    if len(sketch.heights) > 1:
+        low, high = min(sketch.heights), max(sketch.heights)
+        what = f"{where}: positions are {low:g} to {high:g} m high: uneven ground is not supported, "
+        raise PlanError(what + "every avatar moves on the plane y = 0, expected one height in the whole file")
     return found

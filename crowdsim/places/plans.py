@@ -4,13 +4,25 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
-from crowdsim.places.description import FARTHEST, BoxObstacle, DiscObstacle, PlanObstacle, Shape, WallObstacle
+from crowdsim.config.tree import shortened
+from crowdsim.places.description import (
+    FARTHEST,
+    BoxObstacle,
+    DiscObstacle,
+    PlanObstacle,
+    Shape,
+    SolidObstacle,
+    WallObstacle,
+)
 from crowdsim.places.geojson import read_geojson
 from crowdsim.places.sketch import Line, PlanError, Sketch
 from crowdsim.places.svg import read_svg
+
+Model = TypeVar("Model", bound=BaseModel)
 
 MOST_BYTES = 50_000_000
 _MOST_POINTS = 100_000
@@ -51,7 +63,7 @@ def _laid_out(path: Path, sketch: Sketch, plan: PlanObstacle) -> list[Shape]:
         raise PlanError(f"{path}: has {len(points):,} points, expected at most {_MOST_POINTS:,}")
     low = [min(point[axis] for point in points) for axis in (0, 1)]
     high = [max(point[axis] for point in points) for axis in (0, 1)]
-    extent = plan.scale * max(high[0] - low[0], high[1] - low[1], *(2 * radius for _, radius, _ in sketch.discs), 0.0)
+    extent = plan.scale * max(high[0] - low[0], high[1] - low[1], *(2 * radius for _, radius, *_ in sketch.discs), 0.0)
     if extent < _SMALLEST:
         what = f"{path}: is {extent:.3g} m large, expected {_SMALLEST} m or more; "
         raise PlanError(what + "'scale' says how many metres a unit of the file is")
@@ -61,39 +73,61 @@ def _laid_out(path: Path, sketch: Sketch, plan: PlanObstacle) -> list[Shape]:
 
     def place(point: tuple[float, float]) -> tuple[float, float]:
         x, z = (plan.scale * point[axis] + shift[axis] for axis in (0, 1))
-        if not max(abs(x), abs(z)) <= FARTHEST:
+        if not (abs(x) <= FARTHEST and abs(z) <= FARTHEST):
             what = f"{path}: a point is at {x:.6g}, {z:.6g}, expected x and z up to {FARTHEST} m; "
             raise PlanError(what + "'centre' moves the plan, 'scale' makes it smaller")
         return x, z
 
     found: list[Shape] = []
-    for line, closed, keys in sketch.walls:
+    for line, closed, keys, where in sketch.walls:
         given = {"thickness": plan.thickness, "height": plan.height, **keys}
         if len(set(line)) > 1:
-            x, z = place(line[0])
-            try:
-                found.append(WallObstacle(kind="wall", points=tuple(map(place, line)), closed=closed, **given))
-            except ValidationError as error:
-                first = error.errors()[0]
-                where = ".".join(map(str, first["loc"]))
-                reason = str(first.get("ctx", {}).get("error", f"{where}: {first['msg']}"))
-                raise PlanError(f"{path}: the wall from {x:g}, {z:g}: {reason}") from None
-    for line, keys in sketch.solids:
-        corners = [place(point) for point in line]
+            points = tuple(map(place, line))
+            found.append(
+                _made(
+                    WallObstacle,
+                    f"{where}: the wall from",
+                    points[0],
+                    kind="wall",
+                    points=points,
+                    closed=closed,
+                    **given,
+                )
+            )
+    for rings, keys, where in sketch.solids:
         height = keys.get("height", plan.height)
-        box = _as_box(corners, height)
-        thickness = min(plan.thickness, 0.1)
-        found.append(
-            box or WallObstacle(kind="wall", points=tuple(corners), closed=True, thickness=thickness, height=height)
-        )
-    for middle, radius, keys in sketch.discs:
-        height = keys.get("height", plan.height)
-        found.append(DiscObstacle(kind="disc", centre=place(middle), radius=plan.scale * radius, height=height))
+        corners, *holes = (tuple(map(place, ring)) for ring in rings)
+        box = None if holes else _as_box(list(corners))
+        if box is not None:
+            found.append(_made(BoxObstacle, f"{where}: the box at", corners[0], kind="box", height=height, **box))
+            continue
+        given = {"thickness": min(plan.thickness, 0.1), "height": height, "closed": True, "kind": "wall"}
+        given["points"], given["holes"] = corners, tuple(holes)
+        found.append(_made(SolidObstacle, f"{where}: the outline from", corners[0], **given))
+        del given["holes"]
+        found += [
+            _made(WallObstacle, f"{where}: the hole from", hole[0], **{**given, "points": hole}) for hole in holes
+        ]
+    for middle, radius, keys, where in sketch.discs:
+        given = {"centre": place(middle), "radius": plan.scale * radius, "height": keys.get("height", plan.height)}
+        found.append(_made(DiscObstacle, f"{where}: the disc at", given["centre"], kind="disc", **given))
     return found
 
 
-def _as_box(corners: Line, height: float) -> BoxObstacle | None:
-    """Return the box that four corners are those of; None where they are those of no rectangle."""
+def _made(model: type[Model], name: str, at: tuple[float, float], **keys: Any) -> Model:
+    """Return an obstacle of some keys; what is wrong with it is said with its name and where it is placed."""
+    try:
+        return model(**keys)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        expected = first["msg"].replace("Input should be", "expected a number")
+        what = f"{where}: is {shortened(str(first['input']))}, {expected}"
+        raise PlanError(f"{name} {at[0]:g}, {at[1]:g}: {first.get('ctx', {}).get('error', what)}") from None
+
+
+def _as_box(corners: Line) -> dict[str, Any] | None:
+    """Return keys of the box that four corners are those of; None where they are those of no rectangle."""
     if len(corners) != 4:
         return None
     sides = [(b[0] - a[0], b[1] - a[1]) for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)]
@@ -105,4 +139,4 @@ def _as_box(corners: Line, height: float) -> BoxObstacle | None:
             return None
     centre = sum(point[0] for point in corners) / 4, sum(point[1] for point in corners) / 4
     rotation = math.degrees(math.atan2(-sides[0][1], sides[0][0]))
-    return BoxObstacle(kind="box", centre=centre, size=(lengths[0], lengths[1]), rotation=rotation, height=height)
+    return {"centre": centre, "size": (lengths[0], lengths[1]), "rotation": rotation}

@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
+from crowdsim.config.tree import shortened
 from crowdsim.places.sketch import Line, PlanError, Sketch
 
 Matrix = tuple[float, float, float, float, float, float]
@@ -17,7 +18,7 @@ Matrix = tuple[float, float, float, float, float, float]
 _UNIT: Matrix = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _TOKEN = re.compile(r"[A-Za-z]|[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
-_TRANSFORM = re.compile(r"(\w+)\s*\(([^)]*)\)")
+_TRANSFORM = re.compile(r"[\s,]*(\w+)\s*\(([^()]*)\)")
 _ARGUMENTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
 _STEPS = 12
 """Straight pieces of a curve."""
@@ -40,7 +41,7 @@ def read_svg(path: Path, text: str) -> Sketch:
     if _tag(root) != "svg":
         raise PlanError(f"{path}: is <{_tag(root)}>, expected an SVG file")
     sketch = Sketch()
-    _draw(path, root, _UNIT, sketch, 0)
+    _draw(path, root, _UNIT, None, sketch, 0)
     if not sketch.points():
         tags = sorted({_tag(one) for one in root.iter()} - {"svg", "g"})
         what = f"{path}: is no floor plan: it holds {', '.join(tags[:8]) or 'nothing'}, "
@@ -52,13 +53,18 @@ def _tag(element: ElementTree.Element) -> str:
     return str(element.tag).rpartition("}")[2]
 
 
-def _draw(path: Path, element: ElementTree.Element, above: Matrix, sketch: Sketch, depth: int) -> None:
-    """Add an element and those in it to a sketch."""
+def _draw(
+    path: Path, element: ElementTree.Element, above: Matrix, fill: str | None, sketch: Sketch, depth: int
+) -> None:
+    """Add an element and those in it to a sketch; their transforms and ``fill`` are under those above."""
     if depth > _MOST_DEPTH:
         raise PlanError(f"{path}: elements are more than {_MOST_DEPTH} deep, expected fewer")
     tag = _tag(element)
     if tag in _UNSEEN or _style(element, "display") == "none":
         return
+    own = _style(element, "fill")
+    fill = fill if own in (None, "inherit") else own
+    where = f"{path}: <{tag}>"
     matrix = _times(above, _transform(path, element.get("transform", "")))
 
     def number(name: str) -> float:
@@ -72,32 +78,32 @@ def _draw(path: Path, element: ElementTree.Element, above: Matrix, sketch: Sketc
         return [(a * x + c * y + e, b * x + d * y + f) for x, y in points]
 
     if tag == "line":
-        sketch.walls.append((placed([(number("x1"), number("y1")), (number("x2"), number("y2"))]), False, {}))
+        sketch.walls.append((placed([(number("x1"), number("y1")), (number("x2"), number("y2"))]), False, {}, where))
     elif tag in ("polyline", "polygon"):
         values = [float(one) for one in _NUMBER.findall(element.get("points", ""))]
         points = list(zip(values[::2], values[1::2], strict=False))
         if len(points) > 1:
-            sketch.walls.append((placed(points), tag == "polygon" and len(points) > 2, {}))
+            sketch.walls.append((placed(points), tag == "polygon" and len(points) > 2, {}, where))
     elif tag == "rect":
         x, y, wide, high = (number(name) for name in ("x", "y", "width", "height"))
         corners = placed([(x, y), (x + wide, y), (x + wide, y + high), (x, y + high)])
         if wide > 0.0 and high > 0.0:
-            if _style(element, "fill") == "none":
-                sketch.walls.append((corners, True, {}))
+            if fill == "none":
+                sketch.walls.append((corners, True, {}, where))
             else:
-                sketch.solids.append((corners, {}))
+                sketch.solids.append(([corners], {}, where))
     elif tag in ("circle", "ellipse"):
         wide, high = (number("r"), number("r")) if tag == "circle" else (number("rx"), number("ry"))
         ((x, y),) = placed([(number("cx"), number("cy"))])
         radius = math.sqrt(abs(wide * high * (matrix[0] * matrix[3] - matrix[1] * matrix[2])))
         if radius > 0.0:
-            sketch.discs.append(((x, y), radius, {}))
+            sketch.discs.append(((x, y), radius, {}, where))
     elif tag == "path":
         for points, closed in _lines_of(path, element.get("d", "")):
             if len(points) > 1:
-                sketch.walls.append((placed(points), closed and len(points) > 2, {}))
+                sketch.walls.append((placed(points), closed and len(points) > 2, {}, where))
     for child in element:
-        _draw(path, child, matrix, sketch, depth + 1)
+        _draw(path, child, matrix, fill, sketch, depth + 1)
 
 
 def _style(element: ElementTree.Element, name: str) -> str | None:
@@ -115,9 +121,16 @@ def _times(one: Matrix, other: Matrix) -> Matrix:
 
 
 def _transform(path: Path, text: str) -> Matrix:
-    found = _UNIT
-    for name, given in _TRANSFORM.findall(text):
-        values = [float(one) for one in _NUMBER.findall(given)]
+    found, at, text = _UNIT, 0, text.strip(" \t\r\n,")
+    while at < len(text):
+        one = _TRANSFORM.match(text, at)
+        if one is None:
+            what = f"{path}: transform {shortened(text[at:].lstrip())}"
+            raise PlanError(f"{what}, expected one of SVG's, such as scale(2)")
+        name, given, at = one[1], one[2], one.end()
+        values = [float(value) for value in _NUMBER.findall(given)]
+        if not all(map(math.isfinite, values)):
+            raise PlanError(f"{path}: transform {shortened(one[0])}, expected numbers that are finite")
         if name == "matrix" and len(values) == 6:
             step: Matrix = tuple(values)  # type: ignore[assignment]
         elif name == "translate" and len(values) in (1, 2):
@@ -132,7 +145,7 @@ def _transform(path: Path, text: str) -> Matrix:
             skew = math.tan(math.radians(values[0]))
             step = (1.0, 0.0, skew, 1.0, 0.0, 0.0) if name == "skewX" else (1.0, skew, 0.0, 1.0, 0.0, 0.0)
         else:
-            raise PlanError(f"{path}: transform {name}({given}), expected one of SVG's")
+            raise PlanError(f"{path}: transform {shortened(one[0])}, expected one of SVG's")
         found = _times(found, step)
     return found
 

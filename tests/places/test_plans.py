@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from crowdsim.places.description import BoxObstacle, DiscObstacle, PlanObstacle, WallObstacle
+from crowdsim.places.description import BoxObstacle, DiscObstacle, PlanObstacle, SolidObstacle, WallObstacle
 from crowdsim.places.plans import read_plan
 from crowdsim.places.sketch import PlanError
 
@@ -78,11 +78,31 @@ def test_a_rotated_rectangle_is_a_box_and_any_other_outline_a_wall_around(tmp_pa
         (collection(), "is no floor plan: it draws nothing, expected lines, outlines or circles"),
         (collection(feature("LineString", [[0, "a"], [1, 1]])), "features[0]: a position: is 'a', expected a number"),
         (feature("LineString", [[0, 0, 1], [4, 0, 2]]), "Feature: positions are 1 to 2 m high: uneven ground is not "
-         "supported, every avatar moves on the plane y = 0, expected one height"),
+         "supported, every avatar moves on the plane y = 0, expected one height in the whole file"),
         (feature("LineString", [[8.5401, 47.3771], [8.5402, 47.3772]]), "is 0.0001 m large, expected 0.5 m or more; "
          "'scale' says how many metres a unit of the file is"),
         (feature("LineString", [[682000, 246000], [682020, 246000]]), "a point is at 682000, 246000, expected x and z "
          "up to 4000 m; 'centre' moves the plan, 'scale' makes it smaller"),
+        (collection(feature("LineString", [[0, 0, 0], [4, 0, 0]]), feature("LineString", [[0, 1, 3], [4, 1, 3]])),
+         "features[1]: positions are 0 to 3 m high: uneven ground is not supported, every avatar moves on the plane "
+         "y = 0, expected one height in the whole file"),
+        (feature("LineString", [[0, 0], [4, 0]], doors=[{"at": 2, "widht": 1}]), "Feature.properties.doors[0]: widht: "
+         "unknown key, expected at, width, opens or closes (did you mean 'width'?)"),
+        (feature("LineString", [[0, 0], [4, 0]], doors=[7]), "Feature.properties.doors[0]: is 7, expected a door, such "
+         "as {'at': 2, 'width': 1}"),
+        (feature("LineString", [[0, 0], [4, 0]], thickness=-1), "Feature: the wall from 0, 0: thickness: is -1.0, "
+         "expected a number greater than 0"),
+        (collection(feature("Polygon", [SQUARE]), feature("Point", [0, 9], radius=-1)), "features[1]: the disc at 0, "
+         "9: radius: is -1.0, expected a number greater than 0"),
+        (feature("Polygon", [SQUARE], height=200), "Feature: the box at 0, 0: height: is 200.0, expected a number "
+         "less than or equal to 100"),
+        (feature("Polygon", [SQUARE[:3]], height=200), "Feature: the outline from 0, 0: height: is 200.0, expected a "
+         "number less than or equal to 100"),
+        (feature("Polygon", [[[0, 0]]]), "Feature: an outline has 1 corners, expected 3 or more that differ"),
+        (feature("LineString", [[0, 0], [10**400, 0]]), f"Feature: a position: is 1{56 * '0'}..., expected a number"),
+        (feature("LineString", [[0, 0], [4, 0]], doors=[{"at": 10**400}]), "Feature.properties.doors[0]: at: "
+         f"is '1{55 * '0'}..., expected a number from 0 to 100000"),
+        ({"type": "GeometryCollection", "geometries": 3}, "GeometryCollection: coordinates are no list, expected one"),
         (feature("Curve", []), "Feature: geometry of type 'Curve', expected LineString, Polygon or Point"),
     ],
 )  # fmt: skip
@@ -92,10 +112,9 @@ def test_what_is_no_floor_plan_is_refused(tmp_path, content, message):
 
 def test_a_door_in_a_file_that_leads_nowhere_is_refused(tmp_path):
     assert refused(tmp_path, feature("LineString", [[0, 0], [3, 0]], doors=[{"at": 2.9}])) == (
-        "the wall from 0, 0: doors[0].at: is 2.9, so that the door leads nowhere: it reaches from 2.4 to 3.4 m of a "
-        "wall of 3 m, expected 0.5 to 2.5"
+        "Feature: the wall from 0, 0: doors[0].at: is 2.9, so that the door leads nowhere: it reaches from 2.4 "
+        "to 3.4 m of a wall of 3 m, expected 0.5 to 2.5"
     )
-    assert "thickness" in refused(tmp_path, feature("LineString", [[0, 0], [3, 0]], thickness=-1))
 
 
 def svg(inner, name="plan.svg"):
@@ -137,7 +156,33 @@ def test_shapes_of_svg_become_obstacles_with_their_transforms(tmp_path):
         (svg('<path d="M 0 0 X 3"/>'), "a path has the command 'X', expected one of M, L, H, V, C, S, Q, T, A, Z"),
         (svg('<path d="M 0 0 L 3"/>'), "a path's command 'L' has too few numbers, expected 2"),
         (svg('<g transform="spin(3)"><line x2="9"/></g>'), "transform spin(3), expected one of SVG's"),
+        (svg('<g transform="scale(2) turn"><line x2="9"/></g>'), "transform turn, expected one of SVG's, such as "
+         "scale(2)"),
+        (svg('<g transform="rotate(1e999)"><line x2="9"/></g>'), "transform rotate(1e999), expected numbers that are "
+         "finite"),
+        (svg(f'<g transform="{400_000 * "a"}"><line x2="9"/></g>'), f"transform {57 * 'a'}..., expected one of SVG's, "
+         "such as scale(2)"),
     ],
 )  # fmt: skip
 def test_svg_that_is_no_floor_plan_is_refused(tmp_path, content, message):
     assert refused(tmp_path, content, "plan.svg") == message
+
+
+def test_a_fill_of_none_holds_for_what_is_in_a_group(tmp_path):
+    rect = '<rect width="3" height="2"'
+    inner = f'<g fill="none">{rect}/><g>{rect} style="fill: inherit"/>{rect} fill="red"/></g></g>{rect}/>'
+    kinds = [one.kind for one in read(tmp_path, svg(inner), "plan.svg")]
+    assert kinds == ["wall", "wall", "box", "box"]
+
+
+def test_holes_of_an_outline_are_walls_around_open_ground(tmp_path):
+    outer = [[-5, -5], [9, -5], [9, 9], [-5, 9], [-5, -5]]
+    outline, hole = read(tmp_path, feature("Polygon", [outer, SQUARE]))
+    assert isinstance(outline, SolidObstacle)
+    assert outline.holes == (hole.points,)
+    assert (hole.closed, hole.thickness) == (True, 0.1)
+
+
+def test_file_names_have_slashes():
+    with pytest.raises(ValueError, match="expected / between folders"):
+        PlanObstacle(file="sub\\p.geojson")
