@@ -11,6 +11,7 @@ from crowdsim.commands.common import Force, Frames, Threads, fps_option, note, s
 from crowdsim.commands.process import opened_run
 from crowdsim.commands.progress import Bars
 from crowdsim.core.workers import CORES
+from crowdsim.errors import CrowdsimError
 
 
 def report(
@@ -33,6 +34,8 @@ def report(
     from crowdsim.runs.opening import open_run
     from crowdsim.runs.reports import write_report
 
+    if not player and (avatars is not None or frames is not None or fps is not None):
+        raise CrowdsimError("--avatars, --frames and --fps are of the player, which --no-player leaves out")
     target = out or (folder.with_suffix("") if folder.is_file() else None)
     with opened_run(folder) as unpacked:
         run = open_run(unpacked)

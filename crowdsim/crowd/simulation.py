@@ -313,14 +313,14 @@ class Simulation:
             self._enter()
         for change in self._agenda.due():
             self._apply(change)
-        for change in self._agenda.retiring():
-            self._set_out(change)
         progress.present = self.present
         if self.crowd.until is not None and self.outcome is None:
             self.outcome = find_outcome(self.crowd.until, self._agenda, self.crowd)
             progress.ended = self.outcome is not None
             for change in self._agenda.due(Ended):
                 self._apply(change)
+        for change in self._agenda.retiring():
+            self._set_out(change)
         self._world.pauses[0] = float(self._agenda.waits_for_strikes)
 
     def _apply(self, change: Change) -> None:

@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import yaml
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
-from crowdsim.config.files import Finding
+from crowdsim.config.files import Fault, Finding
 from crowdsim.config.findings import show
+from crowdsim.errors import TakeError
 from crowdsim.files import read_plain, write_plain
 from crowdsim.scenario.camera import Camera
 from crowdsim.scenario.cameras import Cameras
@@ -42,6 +43,13 @@ class ReportOutput(Ranged):
     player: bool = Field(default=True, description="Whether the page has the player; `frames` and `fps` are its own.")
     avatars: Avatars | None = Field(default=None, description=_AVATARS)
 
+    @model_validator(mode="after")
+    def _check(self) -> ReportOutput:
+        for key in ("avatars", "frames"):
+            if not self.player and getattr(self, key) is not None:
+                raise Fault("is of the player, which player: false leaves out", key)
+        return self
+
     @classmethod
     def pattern(cls) -> str:
         """Return the regular expression of the name of its file."""
@@ -64,6 +72,15 @@ class ReportOutput(Ranged):
         for i, avatar in enumerate(self.avatars or ()):
             if isinstance(avatar, int) and avatar >= avatars:
                 yield Finding(("avatars", i), f"{show(avatar)}, expected an avatar from 0 to {avatars - 1}")
+
+    def findings_for(self, extent: Extent) -> Iterator[Finding]:
+        """Yield a finding where browsers could not load the page."""
+        from crowdsim.view.page import LARGEST
+
+        size = self.cost(extent)[0]
+        if size > LARGEST:
+            what = f"would have about {size / 1e9:.1f} GB, expected {LARGEST / 1e9:.1f} at most; "
+            yield Finding((), what + "fewer avatars or frames, a lower rate, or player: false")
 
     def cost(self, extent: Extent) -> tuple[float, float]:
         """Return about how much room the page takes [bytes], and how long one core writes it [s]."""
@@ -100,8 +117,9 @@ class ReportOutput(Ranged):
             return None
         try:
             cameras = TypeAdapter(Cameras).validate_python(scenario.get("cameras") or {})
-        except ValidationError:  # a file that was changed by hand
-            cameras = {}
+        except ValidationError as error:  # a file that was changed by hand
+            reason = error.errors()[0]["msg"]
+            raise TakeError(f"{done.folder / _SCENARIO}: its cameras cannot be read: {reason}") from None
         health = {name: one["damage"]["health"] for name, one in scenario["types"].items() if one.get("damage")}
         numbers = None if self.avatars is None else [int(avatar) for avatar in self.avatars]
         frames = f"{start}:{stop}"

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from crowdsim.config.tree import shortened
+from crowdsim.files import read_plain
 from crowdsim.places.description import (
     FARTHEST,
     BoxObstacle,
@@ -43,11 +44,9 @@ def read_plan(path: Path, plan: PlanObstacle) -> list[Shape]:
         PlanError: It cannot be read, or is no floor plan.
     """
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise PlanError(f"{path}: has {path.stat().st_size:,} bytes, expected at most {MOST_BYTES:,}")
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_plain(path.parent, path.name, MOST_BYTES).decode("utf-8-sig")
     except OSError as error:
-        raise PlanError(f"{path}: cannot be read: {error.strerror}") from None
+        raise PlanError(f"{path}: cannot be read: {error.strerror or error}") from None
     except UnicodeDecodeError:
         raise PlanError(f"{path}: is no UTF-8, expected a text file") from None
     sketch = (read_svg if path.suffix.lower() == ".svg" else read_geojson)(path, text)
@@ -80,29 +79,19 @@ def _laid_out(path: Path, sketch: Sketch, plan: PlanObstacle) -> list[Shape]:
 
     found: list[Shape] = []
     for line, closed, keys, where in sketch.walls:
-        given = {"thickness": plan.thickness, "height": plan.height, **keys}
         if len(set(line)) > 1:
-            points = tuple(map(place, line))
-            found.append(
-                _made(
-                    WallObstacle,
-                    f"{where}: the wall from",
-                    points[0],
-                    kind="wall",
-                    points=points,
-                    closed=closed,
-                    **given,
-                )
-            )
+            given = {"kind": "wall", "thickness": plan.thickness, "height": plan.height, "closed": closed, **keys}
+            points = [place(point) for point in line]
+            found.append(_made(WallObstacle, f"{where}: the wall from", points[0], points=points, **given))
     for rings, keys, where in sketch.solids:
         height = keys.get("height", plan.height)
-        corners, *holes = (tuple(map(place, ring)) for ring in rings)
-        box = None if holes else _as_box(list(corners))
+        corners, *holes = ([place(point) for point in ring] for ring in rings)
+        box = None if holes else _as_box(corners)
         if box is not None:
             found.append(_made(BoxObstacle, f"{where}: the box at", corners[0], kind="box", height=height, **box))
             continue
         given = {"thickness": min(plan.thickness, 0.1), "height": height, "closed": True, "kind": "wall"}
-        given["points"], given["holes"] = corners, tuple(holes)
+        given["points"], given["holes"] = corners, holes
         found.append(_made(SolidObstacle, f"{where}: the outline from", corners[0], **given))
         del given["holes"]
         found += [

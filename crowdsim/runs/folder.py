@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 RESOLVED = "scenario.resolved.yaml"
 _LONGEST = 1 << 24
 """Longest resolved scenario that is read [bytes]."""
-_LONGEST_PART = 1 << 16
+_LONGEST_PART = 1 << 18
 """Longest part of it that is read alone [characters]: a whole scenario of a stranger may take minutes."""
 _OF_OUTPUTS = re.compile(r"^(?:fps|cameras|outputs):.*\n(?:[ -].*\n)*", re.MULTILINE)
 """Keys of a resolved scenario that change no take."""

@@ -133,9 +133,9 @@ def read_obstacles(folder: Path) -> Array:
     arena: Any = _read(folder, "arena", Arena, NoArena(kind="none"))
     obstacles: Any = _read(folder, "obstacles", Obstacles, ())
     try:
-        return pack_parts(obstacle_shapes(obstacles, arena, place_of(folder)), 1.0)
+        return pack_parts(obstacle_shapes(obstacles, arena, place_of(folder)), None)
     except PlanError:
-        return pack_parts((), 1.0)
+        return pack_parts((), None)
 
 
 def _read_health(folder: Path) -> dict[str, float]:

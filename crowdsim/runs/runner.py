@@ -28,10 +28,10 @@ from crowdsim.preparation.validation import check_scenario, late_events, output_
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.checkpoint import Checkpoint, read_checkpoint
 from crowdsim.runs.folder import RESOLVED, check_begun, check_folder
-from crowdsim.runs.lock import hold_folder
+from crowdsim.runs.lock import LOCKS, hold_folder
 from crowdsim.runs.manifest import NAME as MANIFEST
+from crowdsim.runs.manifest import NOTE, OUTPUTS, checksums, read_ledger, read_manifest
 from crowdsim.runs.manifest import RUN as STAGE
-from crowdsim.runs.manifest import checksums, read_ledger, read_manifest
 from crowdsim.runs.provenance import Origin, origin_of
 from crowdsim.runs.recorded import RecordedRun
 from crowdsim.runs.run import Report, Run
@@ -91,7 +91,7 @@ def run(
     return RecordedRun.of(
         collector.take(),
         arena=crowd.arena,
-        obstacles=pack_obstacles(scenario, 1.0),
+        obstacles=pack_obstacles(scenario, None),
         fps=scenario.fps,
         cameras=scenario.cameras,
         health=health,
@@ -258,7 +258,7 @@ def plan_run(one: Run, crowd: Crowd) -> Plan:
     count = sum(plan.counts().values())
     if count > MOST_FILES:
         raise ScenarioError(f"{scenario.name}: outputs are {count:,} files, expected at most {MOST_FILES:,}")
-    places = {*plan.counts(), TAKE, RESOLVED, MANIFEST, CHECKPOINT}
+    places = {*plan.counts(), TAKE, RESOLVED, MANIFEST, CHECKPOINT, NOTE, OUTPUTS, *LOCKS}
     for name in _inputs(scenario)[1:]:
         if name.split("/")[0] in places:
             what = f"reads {name!r}, which would lie in {one.folder} where the run writes; expected another file name"
@@ -321,7 +321,7 @@ def _write_outputs(
     from crowdsim.poses.sampler import PoseSampler
 
     arena = pack_arena(run.scenario.arena)
-    obstacles = pack_obstacles(run.scenario, 1.0)
+    obstacles = pack_obstacles(run.scenario, None)
     done = FinishedTake(take, policies, run.work, run.threads, run.advance_outputs, arena, timings, obstacles)
     found: dict[str, tuple[Path, list[Path]]] = {}
     wanted = run.scenario.outputs.wanted()

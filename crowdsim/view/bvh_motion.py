@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -91,8 +91,8 @@ def record_bvh(
         [delays.get(Path(one.clip.source).name, 0) for _, one in people] if in_world else None,
         lead_in=bool(delays),
     )
-    source = PeopleSource(path.stem, motion.sources())
-    tracks, sun = plan_cameras(source, watch(source), motion.first, min(motion.frames, source.frame_count), True)
+    source = _Comers(path.stem, motion.sources(), motion.stays())
+    tracks, sun = plan_cameras(source, watch(source), motion.first, motion.frames, True)
     motion.sun = sun
     return Recording(motion, path.stem, tracks), tuple(dict.fromkeys(findings))
 
@@ -131,7 +131,7 @@ class BvhMotion:
         self.clips, self.grounds = [clip for clip, _ in shown], [ground for _, ground in shown]
         if delays is None:
             self._stand_side_by_side()
-        longest = max(end for _, end in self._stays())
+        longest = max(end for _, end in self.stays())
         self.first, stop = (0, longest) if frames is None else parse_frames(frames).resolve(longest, fps)
         self.frames = stop - self.first
         self._figures = []
@@ -157,7 +157,7 @@ class BvhMotion:
             grounds = self.grounds[i]
             self.grounds[i] = None if grounds is None else grounds + np.array([shift[0], shift[2], 0.0])
 
-    def _stays(self) -> list[tuple[int, int]]:
+    def stays(self) -> list[tuple[int, int]]:
         """Return the first frame of each person and one past the last."""
         return [(delay, delay + clip.frame_count) for delay, clip in zip(self.delays, self.clips, strict=True)]
 
@@ -172,7 +172,7 @@ class BvhMotion:
         """Return poses of frames ``start`` to ``stop``, counted from the first."""
         found = []
         frames = np.arange(self.first + start, self.first + stop)
-        for clip, (begin, end) in zip(self.clips, self._stays(), strict=True):
+        for clip, (begin, end) in zip(self.clips, self.stays(), strict=True):
             rows = np.clip(frames - begin, 0, clip.frame_count - 1)
             moves = clip.root_positions[rows, None] if clip.translations is None else clip.translations[rows]
             moves[(frames < begin) | (frames >= end)] = np.nan
@@ -189,7 +189,7 @@ class BvhMotion:
             float(clip.root_positions[:, 1].max()) if capture.body is None else capture.body.height
             for clip, capture in zip(self.clips, self.captures, strict=True)
         ]
-        stays = np.clip(np.array(self._stays()) - self.first, 0, self.frames)
+        stays = np.clip(np.array(self.stays()) - self.first, 0, self.frames)
         document = {
             "kind": "bvh",
             "arena": [0.0] * 5,
@@ -258,6 +258,31 @@ class BvhMotion:
         }
 
 
+@dataclass(frozen=True)
+class _Comers(PeopleSource):
+    """People of whom each comes and goes.
+
+    Attributes:
+        stays: First frame of each and one past the last.
+    """
+
+    stays: Sequence[tuple[int, int]] = ()
+
+    @property
+    def frame_count(self) -> int:
+        """Number of frames until all have gone."""
+        return max(end for _, end in self.stays)
+
+    def ground(self, frames: Array) -> Array:
+        """Return the ground transforms at some frames, NaN of those who are not there. Shape (n, N, 3)."""
+        found = []
+        for one, (begin, end) in zip(self.people, self.stays, strict=True):
+            rows = one.ground(np.clip(frames - begin, 0, end - begin - 1)).astype(float)
+            rows[(frames < begin) | (frames >= end)] = np.nan
+            found.append(rows)
+        return np.concatenate(found, axis=1)
+
+
 def _moved(clip: Clip, shift: Array) -> Clip:
     """Return a clip elsewhere."""
     moved = clip.translations
@@ -272,8 +297,11 @@ def _read_delays(folder: Path) -> dict[str, int]:
     if not exists_plain(folder, AVATAR_LIST):
         return {}
     rows = csv.DictReader(read_plain(folder, AVATAR_LIST, _LONGEST_LIST).decode("utf-8", "replace").splitlines())
-    found = [(row.get("file") or "", row.get("first_frame") or "") for row in rows]
-    return {file: int(frame) for file, frame in found if file and frame.isdecimal()}
+    try:
+        found = [(row.get("file") or "", row.get("first_frame") or "") for row in rows]
+    except csv.Error as error:
+        raise BvhError(f"{folder / AVATAR_LIST}: no list of avatars: {error}") from None
+    return {file: int(frame) for file, frame in found if file and re.fullmatch("[0-9]{1,9}", frame)}
 
 
 def parse_people(text: str | None) -> list[int] | None:

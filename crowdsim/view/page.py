@@ -6,6 +6,7 @@ import base64
 import hashlib
 import html
 import json
+import re
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib.resources import files
@@ -20,7 +21,7 @@ from crowdsim.view.recording import Recording
 
 GENERATOR = b'<meta name="generator" content="crowdsim view">'
 """By this line near its begin a page is known as one of the player."""
-_BYTES, _LARGEST = 60.0, 600e6
+_BYTES, LARGEST = 60.0, 600e6
 """About how much an avatar takes in a frame, and the most that browsers load [bytes]."""
 _SCRIPTS = ("data.js", "body.js", "camera.js", "draw.js", "marks.js", "panel.js", "player.js")
 """The program, in the order in which its parts need one another."""
@@ -78,8 +79,8 @@ def check_size(recording: Recording) -> None:
         CrowdsimError: Its page would be too large.
     """
     size = _BYTES * recording.motion.avatars * recording.motion.frames
-    if size > _LARGEST:
-        what = f"would have about {size / 1e9:.1f} GB, expected {_LARGEST / 1e9:.1f} at most"
+    if size > LARGEST:
+        what = f"would have about {size / 1e9:.1f} GB, expected {LARGEST / 1e9:.1f} at most"
         raise CrowdsimError(f"the page {what}: fewer avatars (--avatars), frames (--frames) or frames a second (--fps)")
 
 
@@ -110,9 +111,8 @@ def page_head(title: str, connects: str = "'none'") -> str:
         f"connect-src {connects}; base-uri 'none'; form-action 'none'"
     )
     markup = asset("player.html")
-    for key, text in {"policy": policy, "title": html.escape(title), "style": style}.items():
-        markup = markup.replace(f"{{{{{key}}}}}", text, 1)
-    return markup
+    texts = {"policy": policy, "title": html.escape(title), "style": style}
+    return re.sub(r"\{\{(\w+)\}\}", lambda found: texts[found[1]], markup)
 
 
 def page_parts(recording: Recording, threads: int = 1, progress: Progress | None = None) -> Iterator[bytes]:

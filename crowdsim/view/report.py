@@ -74,7 +74,7 @@ def _head(take: Take) -> str:
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
-        '<meta name="generator" content="crowdsim view">\n<meta name="color-scheme" content="light dark">\n'
+        '<meta name="generator" content="crowdsim report">\n<meta name="color-scheme" content="light dark">\n'
         f'<title>{html.escape(take.scenario)}: report</title>\n<link rel="icon" href="data:,">\n'
         f"<style>{style}</style>\n</head>\n<body>\n"
     )

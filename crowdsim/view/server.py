@@ -7,6 +7,7 @@ answered; requests of other pages, and under names that others could have made m
 from __future__ import annotations
 
 import ipaddress
+import re
 import secrets
 import socket
 import threading
@@ -94,9 +95,10 @@ def _listen(host: str, port: int) -> socket.socket:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind(found[4])
         listening.listen(64)
-    except OSError as error:
+    except (OSError, UnicodeError) as error:
         remedy = "; --port names another one" if port else ""
-        raise CrowdsimError(f"cannot listen at {host} port {port}: {error.strerror or error}{remedy}") from None
+        reason = getattr(error, "strerror", None) or error
+        raise CrowdsimError(f"cannot listen at {host} port {port}: {reason}{remedy}") from None
     return listening
 
 
@@ -134,9 +136,10 @@ def build_app(recording: Recording, token: str, host: str, port: int) -> Starlet
             return Response(recording.scene(), media_type="application/octet-stream")
 
     def block(request: Request) -> Response:
-        number = request.path_params["number"]
+        text = request.path_params["number"]
+        number = int(text) if text.isdecimal() and len(text) < 10 else recording.block_count
         if number >= recording.block_count:
-            return PlainTextResponse(f"block {number}: expected 0 to {recording.block_count - 1}\n", 404)
+            return PlainTextResponse(f"block {text}: expected 0 to {recording.block_count - 1}\n", 404)
         with posing:
             return Response(recording.block(number), media_type="application/octet-stream")
 
@@ -146,7 +149,7 @@ def build_app(recording: Recording, token: str, host: str, port: int) -> Starlet
     routes = [
         Route("/{token}/", checked(show)),
         Route("/{token}/scene", checked(scene)),
-        Route("/{token}/block/{number:int}", checked(block)),
+        Route("/{token}/block/{number}", checked(block)),
         Route("/{path:path}", checked(other)),
     ]
     return Starlette(routes=routes)
@@ -167,7 +170,8 @@ def _fault(request: Request, token: str, host: str, port: int) -> str:
 
 def _is_own(name: str, host: str, port: int) -> bool:
     """Whether a Host header names this server: by what it listens at, or by an address, which no one else can bend."""
-    bare, _, number = name.rpartition(":")
+    # A port of 80 goes without saying.
+    bare, _, number = (name if re.search(r":\d+$", name) else f"{name}:80").rpartition(":")
     if number != str(port):
         return False
     if bare in (host, "localhost", LOOPBACK, "[::1]"):

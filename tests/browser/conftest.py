@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
-
 import _chromium
+
+sys.path.pop()  # some benchmarks have names of packages of tests
 
 
 @pytest.fixture(scope="session")

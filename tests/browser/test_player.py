@@ -82,7 +82,20 @@ def test_boxers_have_the_colours_and_the_places_that_rendered_pictures_have(play
     shown = picture(player)
     out = run.parent / "drawn"
     size = f"{width}x{height}"
-    words = ["--png", "--camera", "side", "--frames", "60:61", "--fps", "60", "--size", size, "--no-caption"]
+    words = [
+        "--png",
+        "--camera",
+        "side",
+        "--frames",
+        "60:61",
+        "--fps",
+        "60",
+        "--size",
+        size,
+        "--no-caption",
+        "--figure",
+        "capsules",
+    ]
     assert crowdsim("render", run, "--out", out, *words, "-q") == 0
     drawn = np.asarray(Image.open(out / "frames" / "000060.png").convert("RGB")).astype(int)
     for colour in ((209, 41, 38), (38, 92, 230)):

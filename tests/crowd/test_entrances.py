@@ -188,6 +188,27 @@ def test_winners_leave_when_the_end_has_come(policies):
     assert bytes_of([steps.run(count) for count in (1, 7, 3, FRAMES)]) == bytes_of([chunk])
 
 
+def test_who_leaves_with_low_health_and_rests_at_the_end_does_both_in_any_chunks(policies):
+    events = (
+        {**LEAVE, "health_below": 99, "when": {"kind": "frame", "frame": 0}, "path": [[0, -40]]},
+        {"kind": "rest", "when": {"kind": "ended"}},
+    )
+    given = {**keys(None, events), "until": {"landed": 1}, "linger": 9}
+    given["types"]["boxer"]["damage"] = {}
+    given["groups"][0] = {
+        **scene()["groups"][0],
+        "placement": {"kind": "line", "start": [-0.5, -1.5], "end": [0.5, -1.5]},
+    }
+    for event in given["events"]:
+        event.pop("group", None)
+    one = draw_crowd(load_scenario(given, policies=["tiny"]), policies)
+    whole, steps = Simulation(one), Simulation(one)
+    expected = bytes_of([whole.run(FRAMES)])
+    assert whole.outcome is not None
+    assert bytes_of([steps.run(1) for _ in range(whole.frame)]) == expected
+    np.testing.assert_array_equal(steps.avatars.conditions["mode"], whole.avatars.conditions["mode"])
+
+
 def test_a_group_that_leaves_while_it_enters_does_not_go_on_entering(policies):
     event = {**LEAVE, "group": "blue", "path": [[0, -7]], "when": {"kind": "frame", "frame": 20}}
     chunk = Simulation(drawn(policies, None, event)).run(FRAMES)

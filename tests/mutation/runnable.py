@@ -146,7 +146,7 @@ class Base:
     def _columns(self) -> Arrays:
         take = self.take
         columns = {name: np.array(getattr(take, name)[:]) for name in VARIABLES}
-        fields = {name: field for name, field in CAST.items() if name != "name"}
+        fields = {name: field for name, field in CAST.items() if name not in ("name", "group")}
         columns |= {name: np.array(getattr(take.cast, field)) for name, field in fields.items()}
         columns |= {f"events.{name}": np.array(getattr(take.events, name)) for name in checks.EVENTS}
         return {**columns, "target": np.array(take.targets[:])}
@@ -175,10 +175,11 @@ class Base:
         kinds = {"N": len(self.take.cast.names), "G": len(attributes["target_names"])}
         sizes = {**kinds, **{f"{kind}s": len(attributes[f"{kind}_names"]) for kind in ("type", "team")}}
         sizes["policies"] = len(attributes["policy_names"])
-        cast = {name: columns[name] for name in checks.CAST}
+        table = {name: column for name, column in checks.CAST.items() if name != "group"}
+        cast = {name: columns[name] for name in table}
         events = {name: columns[f"events.{name}"] for name in checks.EVENTS}
         try:
-            check_table(checks.CAST, cast, sizes)
+            check_table(table, cast, sizes)
             counts = np.full(sizes["N"], len(self.policy.graph.action_first))
             for name, column in checks.FRAMES.items():
                 check_shape(name, columns[name].dtype, columns[name].shape, column, sizes)

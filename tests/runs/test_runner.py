@@ -24,6 +24,7 @@ from crowdsim.preparation import prepare as preparation
 from crowdsim.preparation.prepare import load_policies
 from crowdsim.runs import runner
 from crowdsim.runs.manifest import Verdict, read_manifest, verify, write_manifest
+from crowdsim.runs.opening import read_obstacles
 from crowdsim.runs.runner import run, run_to
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.store import open_take
@@ -311,6 +312,33 @@ def test_a_scenario_that_reads_a_file_where_the_run_writes_is_refused(workplace:
     message = "reads 'bvh/places.csv', which would lie in run where the run writes; expected another file name"
     assert message in capsys.readouterr().err
     assert not (workplace / "run").exists()
+
+
+def test_a_floor_plan_has_no_name_that_a_run_keeps_for_itself(workplace: Path, capsys) -> None:
+    line = {"type": "LineString", "coordinates": [[5, -5], [5, 5]]}
+    feature = {"type": "Feature", "properties": {}, "geometry": line}
+    for name in ("stage.json", "manifest.json"):
+        (workplace / name).write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+        write_scene(workplace / "four.yaml", obstacles={"file": name})
+        assert crowdsim("run", "four.yaml", "--out", "run") == 2
+        assert f"reads '{name}', which would lie in run where the run writes" in capsys.readouterr().err
+        assert not (workplace / "run").exists()
+
+
+def test_a_floor_plan_of_a_run_is_a_regular_file(workplace: Path, finish) -> None:
+    line = {"type": "LineString", "coordinates": [[9, -9], [9, 9]]}
+    feature = {"type": "Feature", "properties": {}, "geometry": line}
+    (workplace / "plan.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    write_scene(workplace / "four.yaml", obstacles={"file": "plan.geojson"})
+    finish(workplace)
+    assert len(read_obstacles(workplace / "run")) == 1
+    plan = workplace / "run" / "plan.geojson"
+    plan.unlink()
+    os.mkfifo(plan)
+    assert len(read_obstacles(workplace / "run")) == 0
+    plan.unlink()
+    plan.symlink_to("/dev/zero")
+    assert len(read_obstacles(workplace / "run")) == 0
 
 
 def test_the_plan_of_a_run_names_all_that_it_writes(workplace: Path, monkeypatch) -> None:

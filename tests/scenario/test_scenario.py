@@ -283,7 +283,8 @@ def test_a_mistake_is_one_line(old, new, expected):
          ["10:27: outputs.bvh.avatars[0]: is 'reds', expected the number or name of an avatar, or red or blue "
           "(did you mean 'red'?)"]),
         ("outputs: {png: {}}",
-         ["10:11: outputs.png: unknown key, expected take, bvh, ply, pcd, render, profile, csv, glb or report"]),
+         ["10:11: outputs.png: unknown key, expected take, bvh, ply, pcd, render, profile, clips, csv, "
+          "glb or report"]),
         ("arena: {kind: circle, radius: .inf}", ["10:31: arena.radius: is .inf, expected a finite number"]),
     ],
 )  # fmt: skip

@@ -50,6 +50,28 @@ def test_people_of_a_folder_stand_side_by_side_for_as_long_as_each_lasts(folder)
     assert unpack_scene(only.scene())["names"] == ["clip_1"]
 
 
+def test_cameras_frame_whoever_is_there(folder, tmp_path) -> None:
+    recording, _ = record_bvh(folder)
+    track = recording.cameras["side"][0]
+    assert np.isfinite(track).all()
+    (_, joints) = read(recording)[1]
+
+    # The picture goes with the second one, who walks on when the first one has gone.
+    gone, walked = track[-1, 0] - track[0, 0], joints[-1, 0, :, 0].mean() - joints[0, 0, :, 0].mean()
+    assert gone > 0.3 * walked > 0.5
+    (tmp_path / "clip_0.bvh").write_bytes((folder / "clip_0.bvh").read_bytes())
+    for text, message in (
+        (f"file,first_frame\nclip_0.bvh,{'9' * 5000}\n", None),
+        ("file\n" + "x" * 200_000, "no list"),
+    ):
+        (tmp_path / "avatars.csv").write_text(text)
+        if message is None:
+            assert record_bvh(tmp_path)[0].motion.delays == [0]
+        else:
+            with pytest.raises(BvhError, match=message):
+                record_bvh(tmp_path)
+
+
 def test_contacts_and_strikes_are_those_of_the_analysis(folder) -> None:
     recording, _ = record_bvh(folder / "clip_1.bvh")
     scene, (joints,) = read(recording)

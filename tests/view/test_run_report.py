@@ -80,6 +80,20 @@ def test_avatars_that_there_are_not_are_reported_where_the_scenario_names_them(w
     assert "outputs.report.avatars[0]: is 9, expected an avatar from 0 to 3" in capsys.readouterr().err
 
 
+def test_what_is_of_the_player_needs_it(run, workplace, capsys) -> None:
+    assert crowdsim("report", run, "--no-player", "--fps", "12") == 2
+    assert "are of the player" in capsys.readouterr().err
+    write_scene(workplace / "bare.yaml", outputs={"report": {"player": False, "avatars": [0]}})
+    assert crowdsim("validate", "bare.yaml") == 2
+    assert "is of the player" in capsys.readouterr().err
+
+
+def test_a_report_that_no_browser_could_load_is_refused_before_the_run(workplace, capsys) -> None:
+    write_scene(workplace / "large.yaml", duration=200_000, outputs={"report": {"fps": 240}})
+    assert crowdsim("validate", "large.yaml") == 2
+    assert "expected 0.6 at most" in capsys.readouterr().err
+
+
 def test_another_file_is_not_replaced(run, tmp_path, capsys) -> None:
     out = tmp_path / "mine"
     out.mkdir()

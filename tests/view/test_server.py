@@ -114,6 +114,22 @@ def test_a_server_that_listens_to_others_takes_addresses_but_no_strange_names() 
         assert serving._is_own(name, "0.0.0.0", 80) == expected
 
 
+def test_a_name_that_is_none_and_a_number_without_end_are_refused(address, run) -> None:
+    assert Answer(address, "block/" + "9" * 5000).status == 404
+    assert Answer(address, "/x/block/" + "9" * 5000).status == 403
+    for host in ("a..b", "a" * 70 + ".de"):
+        with pytest.raises(CrowdsimError, match="cannot listen at"):
+            open_server(library.open_run(run).recording(fps=30.0), host)
+
+
+def test_port_80_goes_without_saying() -> None:
+    assert serving._is_own("127.0.0.1", LOOPBACK, 80)
+    assert serving._is_own("[::1]", LOOPBACK, 80)
+    assert serving._is_own("localhost:8080", LOOPBACK, 8080)
+    assert not serving._is_own("127.0.0.1", LOOPBACK, 8080)
+    assert not serving._is_own("example.org", LOOPBACK, 80)
+
+
 def test_a_port_in_use_is_reported(run, capsys) -> None:
     with socket.socket() as taken:
         taken.bind((LOOPBACK, 0))

@@ -7,6 +7,7 @@ from crowdsim.places.kernels.distance import cell_at, is_beyond, part_gap, stand
 
 CLEARANCE = 0.3  # how far the ground transform of a body keeps from obstacles, for a scale of 1 [m]
 PASSES = 3  # how often all obstacles near are gone through
+ROOT_PASSES = 12  # how often at most they are then once more, for the ground transform alone
 
 
 @kernel(inline=True)
@@ -30,7 +31,7 @@ def _push_out(outline, avatars, places, frame, i, cell, far):
     cos, sin = cos_sin(avatars.heading[i])
     cos, sin = cos * size, sin * size
     moved_x, moved_z = 0.0, 0.0
-    for _ in range(PASSES):
+    for attempt in range(PASSES + ROOT_PASSES):
         still = True
         for k in range(places.offsets[cell], places.offsets[cell + 1]):
             part = places.parts[places.listed[k]]
@@ -41,7 +42,7 @@ def _push_out(outline, avatars, places, frame, i, cell, far):
             if gap >= far or not stands(part, frame):
                 continue
             push = CLEARANCE * size - gap
-            for p in range(outline.shape[0]):
+            for p in range(outline.shape[0] if attempt < PASSES else 0):
                 point = outline[p]
                 dx, dz = point[0] * cos + point[2] * sin, point[2] * cos - point[0] * sin
                 room = (TRUNK_ROOM if p <= PELVIS else LIMB_ROOM) * size
