@@ -11,7 +11,15 @@ import numpy as np
 from crowdsim.config.files import Finding
 from crowdsim.core.types import Array
 from crowdsim.places.arrays import Places, build_places, gaps_of, pack_parts
-from crowdsim.places.description import Obstacles, PlanObstacle, RopesObstacle, Shape, WallObstacle
+from crowdsim.places.description import (
+    Obstacles,
+    PlanObstacle,
+    RopesObstacle,
+    Shape,
+    SolidObstacle,
+    WallObstacle,
+    line_lengths,
+)
 from crowdsim.places.kernels.distance import CLEAR
 from crowdsim.places.kernels.records import DOOR, PART
 from crowdsim.places.plans import read_plan
@@ -29,6 +37,8 @@ _NARROWEST = 0.28
 _MOST_SQUARES = 500_000
 _PROBED = 0.5
 """How far before and behind a door there must be room [m]."""
+_LEAST_WIDTH = 0.6
+"""How wide a door is at least, as the crow flies [m]."""
 
 
 def scenario_shapes(scenario: Scenario) -> list[tuple[int, Shape]]:
@@ -112,7 +122,8 @@ def _start_findings(
 ) -> list[Finding]:
     """Return a finding for each group with avatars that start in obstacles, too near to them, or outside of ropes."""
     points = np.column_stack([x, z])
-    gaps = gaps_of(places, points, 0.0)
+    solid = _solids_at(shapes, points)
+    gaps = np.where(solid > BORDER, -CLEAR, gaps_of(places, points, 0.0))
     bad = gaps < CLEAR - 1e-6
     outside = np.zeros(len(points), bool)
     for _, shape in shapes:
@@ -132,11 +143,11 @@ def _start_findings(
             if how:
                 what = f"{len(numbers)} of {group.count} avatars start {how}, {names}; {at}, expected all inside"
             else:
-                number = _nearest_obstacle(places, points[one])
+                number = int(solid[one]) if solid[one] > BORDER else _nearest_obstacle(places, points[one])
                 how = f"{gaps[one]:.2f} m from" if gaps[one] > 0.0 else "inside"
                 what = f"{len(numbers)} of {group.count} avatars start in or near obstacles, {names}; {at} is {how} "
                 what += f"{_words(scenario, number)}, expected {CLEAR} m or more from all"
-                free = _nearest_free(places, points[one])
+                free = _nearest_free(shapes, places, points[one])
                 what += "" if free is None else f", such as {free[0]:.2f}, {free[1]:.2f}"
             findings.append(Finding(("groups", index, "placement"), what))
         first += group.count
@@ -153,12 +164,25 @@ def _nearest_obstacle(places: Places, point: Array) -> int:
     return int(parts["obstacle"][int(np.argmin(gaps - parts["radius"]))])
 
 
-def _nearest_free(places: Places, point: Array) -> Array | None:
+def _solids_at(shapes: Sequence[tuple[int, Shape]], points: Array) -> Array:
+    """Return the number of the solid outline that each of the points (n, 2) is inside; ``BORDER`` in none. (n,)."""
+    found = np.full(len(points), BORDER)
+    for number, shape in shapes:
+        if isinstance(shape, SolidObstacle):
+            inside = _is_inside(shape.points, points)
+            for hole in shape.holes:
+                inside &= ~_is_inside(hole, points)
+            found[inside] = number
+    return found
+
+
+def _nearest_free(shapes: Sequence[tuple[int, Shape]], places: Places, point: Array) -> Array | None:
     """Return the nearest point, of a lattice, that is free."""
     steps = np.arange(-40, 41) * 0.1
     offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     offsets = offsets[np.argsort(np.hypot(*offsets.T), kind="stable")]
-    free = np.flatnonzero(gaps_of(places, point + offsets, 0.0) >= CLEAR + 0.01)
+    is_free = gaps_of(places, point + offsets, 0.0) >= CLEAR + 0.01
+    free = np.flatnonzero(is_free & (_solids_at(shapes, point + offsets) == BORDER))
     return None if not len(free) else np.asarray(point + offsets[free[0]])
 
 
@@ -173,31 +197,39 @@ def _is_inside(corners: Sequence[tuple[float, float]], points: Array) -> Array:
 
 
 def _door_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]]) -> list[Finding]:
-    """Return a finding for each door before or behind which there is no room, since an obstacle is there."""
-    parts = pack_parts(shapes, 1.0)
-    if not (parts["kind"] == DOOR).any():
+    """Return a finding for each door that is narrow across a corner, or leads into an obstacle."""
+    walls = [(number, shape) for number, shape in shapes if isinstance(shape, WallObstacle) and shape.doors]
+    if not walls:
         return []
+    parts = pack_parts(shapes, 1.0)
     places = build_places(parts[parts["kind"] != DOOR], with_ways=False)
-    findings, seen = [], 0
-    for number, shape in shapes:
-        if not isinstance(shape, WallObstacle):
-            continue
-        for index, door in sorted(enumerate(shape.doors), key=lambda one: one[1].at):
-            mine = parts[(parts["kind"] == DOOR)][seen]
-            seen += 1
-            ahead = np.array([-mine["uz"], mine["ux"]]) * (shape.thickness / 2 + _PROBED)
-            middle = np.array([mine["x"], mine["z"]])
-            gaps = gaps_of(places, np.stack([middle + ahead, middle - ahead]), 0.0)
-            if (gaps < 0.25).any():
+    findings = []
+    for number, shape in walls:
+        points = np.array([*shape.points, *(shape.points[:1] if shape.closed else ())])
+        lengths = np.cumsum([0.0, *line_lengths(shape.points, shape.closed)])
+        for index, door in enumerate(shape.doors):
+            ends = np.array([door.at - door.width / 2, door.at + door.width / 2])
+            first, last = np.column_stack([np.interp(ends, lengths, points[:, axis]) for axis in (0, 1)])
+            across, middle = last - first, (first + last) / 2
+            wide = float(np.hypot(*across))
+            what = f"the door {door.at:g} m along "
+            if wide < _LEAST_WIDTH - 1e-9:
+                what += f"is across a corner of its wall, where it leaves a gap of {wide:.2f} m at {middle[0]:.2f}, "
+                what += f"{middle[1]:.2f}, expected {_LEAST_WIDTH} m or more: move it along the wall, or widen it"
+            else:
+                ahead = np.array([-across[1], across[0]]) / wide * (shape.thickness / 2 + _PROBED)
+                gaps = gaps_of(places, np.stack([middle + ahead, middle - ahead]), 0.0)
+                if (gaps >= 0.25).all():
+                    continue
                 x, z = (middle + ahead) if gaps[0] < gaps[1] else (middle - ahead)
                 blocked = _nearest_obstacle(places, np.array([x, z]))
-                what = f"the door {door.at:g} m along leads nowhere: {_words(scenario, blocked)} is behind it at "
-                what += f"{x:.2f}, {z:.2f}, expected {_PROBED} m of room on both sides"
-                key = _key(scenario, number)
-                is_plan = isinstance(scenario.obstacles, PlanObstacle) or isinstance(
-                    scenario.obstacles[number], PlanObstacle
-                )
-                findings.append(Finding(key if is_plan else (*key, "doors", index), what))
+                what += f"leads nowhere: {_words(scenario, blocked)} is behind it at {x:.2f}, {z:.2f}, "
+                what += f"expected {_PROBED} m of room on both sides"
+            key = _key(scenario, number)
+            is_plan = isinstance(scenario.obstacles, PlanObstacle) or isinstance(
+                scenario.obstacles[number], PlanObstacle
+            )
+            findings.append(Finding(key if is_plan else (*key, "doors", index), what))
     return findings
 
 

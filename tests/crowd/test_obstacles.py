@@ -1,5 +1,6 @@
 """Nobody passes obstacles, strikes through them do not land, and scenarios in which they make no sense are refused."""
 
+import json
 import math
 from dataclasses import replace
 
@@ -149,6 +150,20 @@ def test_a_door_before_an_obstacle_leads_nowhere(tmp_path):
     )
 
 
+def test_a_door_across_a_corner_is_as_wide_as_the_crow_flies(tmp_path):
+    wall = {"kind": "wall", "points": [[-3, 2], [3, 2], [3, 9]], "doors": [{"at": 6}, {"at": 11}]}
+    box = {"kind": "box", "centre": [-1, 3.3], "size": [1, 1]}
+    place_groups(scenario(tmp_path, [wall, box]))
+    assert refusal(tmp_path, [{**wall, "doors": [{"at": 6}, {"at": 2}]}, box]) == (
+        "t: obstacles[0].doors[1]: the door 2 m along leads nowhere: obstacles[1] is behind it at -1.00, 2.60, "
+        "expected 0.5 m of room on both sides"
+    )
+    assert refusal(tmp_path, [{**wall, "doors": [{"at": 6, "width": 0.7}]}]) == (
+        "t: obstacles[0].doors[0]: the door 6 m along is across a corner of its wall, where it leaves a gap of 0.49 m "
+        "at 2.83, 2.17, expected 0.6 m or more: move it along the wall, or widen it"
+    )
+
+
 def test_walls_that_close_a_group_in_are_refused_unless_a_door_opens(tmp_path):
     room = {"kind": "wall", "points": [[-2, -2], [3, -2], [3, 2], [-2, 2]], "closed": True}
     message = refusal(tmp_path, [room])
@@ -217,6 +232,32 @@ def test_a_plan_is_named_with_its_file_and_kept_with_its_checksum(tmp_path):
     (tmp_path / "plan.geojson").unlink()
     with pytest.raises(ScenarioError, match=r"obstacles.file: is 'plan.geojson', and .* holds no such file"):
         load_scenario(tmp_path / "s.yaml", policies=["boxer"])
+
+
+def test_starts_inside_of_solid_outlines_are_refused_but_not_in_their_holes(tmp_path):
+    outer = [[-4, -4], [8, -4], [8, 2.5], [2.5, 2.5], [2.5, 8], [-4, 8], [-4, -4]]
+    hole = [[-2, -2], [2, -2], [2, 2], [-2, 2], [-2, -2]]
+    groups = [{"name": "all", "type": "a", "count": 2,
+               "placement": {"kind": "points", "points": [[0, 0], [1, 1]]}}]  # fmt: skip
+
+    def placed(rings, at=(0, 0)):
+        text = json.dumps({"type": "Polygon", "coordinates": rings})
+        (tmp_path / "plan.geojson").write_text(text)
+        groups[0]["placement"]["points"][0] = at
+        data = {"version": 1, "name": "s", "duration": 15, "types": {"a": {}}, "groups": groups}
+        (tmp_path / "s.yaml").write_text(json.dumps({**data, "obstacles": {"file": "plan.geojson"}}))
+        return load_scenario(tmp_path / "s.yaml", policies=["boxer"])
+
+    message = refusal_of(placed([outer]))
+    assert (
+        "2 of 2 avatars start in or near obstacles, all_0, all_1; all_0 at 0.00, 0.00 is inside the floor plan, "
+        in message
+    )
+    assert "such as " in refusal_of(placed([outer], (-3.5, 0)))
+    assert "1 of 2 avatars start in or near obstacles, all_0; all_0 at 5.00, 0.00" in refusal_of(
+        placed([outer, hole], (5, 0))
+    )
+    place_groups(placed([outer, hole]))
 
 
 def refusal_of(one):
