@@ -65,7 +65,7 @@ def _draw(
     own = _style(element, "fill")
     fill = fill if own in (None, "inherit") else own
     where = f"{path}: <{tag}>"
-    matrix = _times(above, _transform(path, element.get("transform", "")))
+    matrix = _times(above, _transform(path, element.get("transform", "none")))
 
     def number(name: str) -> float:
         found = _NUMBER.match(element.get(name, "0").strip())
@@ -121,7 +121,7 @@ def _times(one: Matrix, other: Matrix) -> Matrix:
 
 
 def _transform(path: Path, text: str) -> Matrix:
-    found, at, text = _UNIT, 0, text.strip(" \t\r\n,")
+    found, at, text = _UNIT, 0, text.strip(" \t\r\n,").removeprefix("none")
     while at < len(text):
         one = _TRANSFORM.match(text, at)
         if one is None:
