@@ -240,8 +240,6 @@ def _enclosed_findings(scenario: Scenario, places: Places, x: Array, z: Array) -
     """
     from scipy import ndimage
 
-    from crowdsim.crowd.placement import teams_of_avatars
-
     parts = places.parts.copy()
     parts["opens"][np.isfinite(parts["opens"])] = -math.inf
     parts["closes"] = math.inf
@@ -260,7 +258,10 @@ def _enclosed_findings(scenario: Scenario, places: Places, x: Array, z: Array) -
     region = labels[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
     region[beyond] = labels[0, 0]  # the corners of the grid are open ground
     starts = np.concatenate([[0], np.cumsum([group.count for group in scenario.groups])])
-    team = teams_of_avatars(scenario)
+    names: list[str] = []
+    for group in scenario.groups:  # rows of a table may name teams of their own
+        names += [row.team.text or group.team for row in group.rows] or [group.team] * group.count
+    team = np.array(names)
     findings = []
     for index, group in enumerate(scenario.groups):
         opponents = group.opponents or scenario.opponents
@@ -268,7 +269,7 @@ def _enclosed_findings(scenario: Scenario, places: Places, x: Array, z: Array) -
             continue
         mine = np.arange(starts[index], starts[index + 1])
         closed, has_opponents = 0, False
-        for own in np.unique(team[mine]):  # rows of a table name teams of their own
+        for own in np.unique(team[mine]):
             others = np.ones(len(x), bool)
             if isinstance(opponents, OtherTeamOpponents):
                 others = team != own

@@ -170,7 +170,8 @@ def test_svg_that_is_no_floor_plan_is_refused(tmp_path, content, message):
 
 def test_a_fill_of_none_holds_for_what_is_in_a_group(tmp_path):
     rect = '<rect width="3" height="2"'
-    inner = f'<g fill="none" transform="none">{rect}/><g>{rect} style="fill: inherit"/>{rect} fill="red"/></g></g>{rect}/>'
+    inner = f'<g>{rect} style="fill: inherit"/>{rect} fill="red"/></g>'
+    inner = f'<g fill="none" transform="none">{rect}/>{inner}</g>{rect}/>'
     kinds = [one.kind for one in read(tmp_path, svg(inner), "plan.svg")]
     assert kinds == ["wall", "wall", "box", "box"]
 
