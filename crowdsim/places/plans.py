@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from crowdsim.config.tree import shortened
+from crowdsim.files import read_plain
 from crowdsim.places.description import (
     FARTHEST,
     BoxObstacle,
@@ -43,11 +44,9 @@ def read_plan(path: Path, plan: PlanObstacle) -> list[Shape]:
         PlanError: It cannot be read, or is no floor plan.
     """
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise PlanError(f"{path}: has {path.stat().st_size:,} bytes, expected at most {MOST_BYTES:,}")
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_plain(path.parent, path.name, MOST_BYTES).decode("utf-8-sig")
     except OSError as error:
-        raise PlanError(f"{path}: cannot be read: {error.strerror}") from None
+        raise PlanError(f"{path}: cannot be read: {error.strerror or error}") from None
     except UnicodeDecodeError:
         raise PlanError(f"{path}: is no UTF-8, expected a text file") from None
     sketch = (read_svg if path.suffix.lower() == ".svg" else read_geojson)(path, text)
