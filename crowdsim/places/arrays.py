@@ -63,12 +63,12 @@ class Places(NamedTuple):
     seen: Array
 
 
-def pack_parts(shapes: Sequence[tuple[int, Shape]], rate: float) -> Array:
+def pack_parts(shapes: Sequence[tuple[int, Shape]], rate: float | None) -> Array:
     """Return the parts of obstacles.
 
     Args:
         shapes: Number of each obstacle in its scenario, and its shape.
-        rate: Control frames a second, by which doors open.
+        rate: Control frames a second, by which doors open; they open by seconds when None.
 
     Returns:
         Shape (n,), ``PART``.
@@ -105,9 +105,13 @@ def pack_parts(shapes: Sequence[tuple[int, Shape]], rate: float) -> Array:
 
 
 def _stretches(
-    wall: WallObstacle, rate: float
+    wall: WallObstacle, rate: float | None
 ) -> list[tuple[tuple[float, float, float, float], tuple[float, float] | None]]:
     """Return the stretches of a wall between its corners and doors, and its doors with the frames of opening."""
+
+    def moment(seconds: float) -> float:
+        return seconds if rate is None else float(round(seconds * rate))
+
     points = [*wall.points, *(wall.points[:1] if wall.closed else ())]
     lengths = [math.hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(points)]
     total = sum(lengths)
@@ -115,8 +119,8 @@ def _stretches(
     at = 0.0
     for door in sorted(wall.doors, key=lambda one: one.at):
         first, last = max(door.at - door.width / 2, 0.0), min(door.at + door.width / 2, total)
-        opens = math.inf if door.opens is None else -math.inf if door.opens == 0.0 else float(round(door.opens * rate))
-        closes = math.inf if door.closes is None else float(round(door.closes * rate))
+        opens = math.inf if door.opens is None else -math.inf if door.opens == 0.0 else moment(door.opens)
+        closes = math.inf if door.closes is None else moment(door.closes)
         # The round ends of what is beside a door must not narrow it.
         half = wall.thickness / 2
         cuts += [(at, first - half, None), (first, last, (opens, closes))]
