@@ -26,6 +26,16 @@ ARGUMENTS = (
 )  # fmt: skip
 PATIENCE = 240.0
 """How long anything may take [s]."""
+JOINTS = """(async () => {
+  const { crowd, recording, scene } = crowdsimPlayer;
+  await recording.load(Math.floor(FRAME / scene.block), true).promise;
+  await recording.load(Math.floor(Math.min(FRAME + 1, scene.frames - 1) / scene.block), true).promise;
+  return scene.names.map((_, avatar) => {
+    crowd.pose(avatar, crowd.around(FRAME));
+    return scene.figures[0].joints.map((_, j) => [...crowd.positions.subarray(3 * j, 3 * j + 3)]);
+  });
+})()"""
+"""Positions of all joints of all avatars at a frame, by the page's own reading of its recording."""
 
 
 class PageError(Exception):

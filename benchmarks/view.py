@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from _chromium import Browser, find
+from _chromium import JOINTS, Browser, find
 from _quick import small_policies
 
 from crowdsim.crowd.profiling import with_avatars
@@ -83,18 +83,6 @@ def joint_error(browser: Browser, recorded: RecordedRun, fps: float) -> float:
         (poses,) = recorded.sampler.sample(frame, frame + 1, fps)
         worst = max(worst, float(np.linalg.norm(shown - poses.joints()[0][0], axis=-1).max()))
     return 1e3 * worst
-
-
-JOINTS = """(async () => {
-  const { crowd, recording, scene } = crowdsimPlayer;
-  await recording.load(Math.floor(FRAME / scene.block), true).promise;
-  await recording.load(Math.floor(Math.min(FRAME + 1, scene.frames - 1) / scene.block), true).promise;
-  return scene.names.map((_, avatar) => {
-    crowd.pose(avatar, crowd.around(FRAME));
-    return scene.figures[0].joints.map((_, j) => [...crowd.positions.subarray(3 * j, 3 * j + 3)]);
-  });
-})()"""
-"""Positions of all joints of all avatars at a frame, by the page's own reading of its recording."""
 
 
 def first_picture(page: Path) -> float:

@@ -6,9 +6,9 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import _chromium
 import numpy as np
 import pytest
-import view
 import yaml
 from conftest import picture, screen
 from scenes import crowdsim, write_scene
@@ -58,7 +58,7 @@ def test_a_page_from_a_file_shows_itself_without_errors_and_asks_for_nothing_els
 def test_joints_that_the_page_unpacks_are_within_a_millimetre_or_so_of_the_poses(player, run) -> None:
     sampler = library.open_run(run).sampler
     for frame in (0, 1, 77, 159):
-        shown = np.array(player.evaluate(view.JOINTS.replace("FRAME", str(frame))))
+        shown = np.array(player.evaluate(_chromium.JOINTS.replace("FRAME", str(frame))))
         (poses,) = sampler.sample(frame, frame + 1, 60.0)
         assert np.linalg.norm(shown - poses.joints()[0][0], axis=-1).max() < 1.2e-3
 
