@@ -13,6 +13,7 @@ SEVERAL = {
     "core.segments.": "trunks are in double precision, capsules in single",
     "crowd.kernels.": "a policy's table has values of two bytes, or of one",
     "motion.kinematics_kernels.pose_joints": "clips are measured in double precision, databases hold single",
+    "export.cloud_kernels._apply": "three lines of arithmetic, in the precision of the matrix",
     "export.gltf_kernels.": "rotations are written as floats or as whole numbers",
     "policy.": "models are in single precision; control, and strikes in motion that is judged, in double",
     "poses.kernels.": "blocks of poses, and some of a block; a row of an array, or a column",
