@@ -20,7 +20,7 @@ SEVERAL = {
     "training.kernels.rewards.earned_where": "the same",
     "training.kernels.successors.": "for a cell, and for rows of cells at once",
 }
-"""Why some kernels have more than one, at most eight; by the beginning of their names."""
+"""Why some kernels have more than one, at most nine; by the beginning of their names."""
 INLINED = "crowd.kernels.prefetch."
 """Requests for memory, of arrays of any kind and any number of rows: an instruction each, without code of their own."""
 
@@ -36,5 +36,5 @@ def test_kernels_have_one_signature_each_that_is_listed() -> None:
     assert report["signatures"] == 0, "run: python benchmarks/compilation.py --write"
     unexplained = [name for name in report["several"] if not name.startswith(tuple(SEVERAL))]
     assert not unexplained
-    assert max(several for name, several in report["several"].items() if not name.startswith(INLINED)) <= 8
+    assert max(several for name, several in report["several"].items() if not name.startswith(INLINED)) <= 9
     assert all(any(name.startswith(one) for name in report["several"]) for one in SEVERAL), "a reason that has gone"
