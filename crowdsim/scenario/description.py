@@ -80,7 +80,8 @@ class Description(StrictModel):
     arena: Arena = Field(default_factory=lambda: NoArena(kind="none"), description="Where avatars turn back.")
     obstacles: Obstacles = Field(
         default=(),
-        description="Walls, boxes, discs and ropes that nobody passes; or a mapping with the `file` of a floor plan.",
+        description="Walls, boxes, discs and ropes that avatars cannot pass; or a mapping with the `file` of a floor "
+        "plan.",
     )
     types: dict[Name, AvatarType] = Field(min_length=1, max_length=_MOST, description="Types of avatars by name.")
     groups: tuple[Group, ...] = Field(
