@@ -21,6 +21,7 @@ from crowdsim.config.tree import Document
 from crowdsim.core.types import Progress
 from crowdsim.errors import BatchError, CrowdsimError, ScenarioError
 from crowdsim.files import copy_plain, make_folder, write_plain, write_text
+from crowdsim.places.mesh import area_of
 from crowdsim.preparation.prepare import LARGE, estimate_needs, policy_names
 from crowdsim.runs.folder import RESOLVED
 from crowdsim.runs.manifest import checksum, signed_text
@@ -249,6 +250,7 @@ def make_plan(batch: Batch, runs: Mapping[str, Resolved], combinations: Iterable
         RecipeError: The recipe of a policy is invalid.
         PolicyError: A bundle is damaged.
     """
+    from crowdsim.crowd.obstacles import pack_obstacles
     from crowdsim.preparation.validation import control_rate
 
     rates: dict[tuple[str, ...], float] = {}
@@ -257,21 +259,22 @@ def make_plan(batch: Batch, runs: Mapping[str, Resolved], combinations: Iterable
         scenario, policies = one.scenario, tuple(policy_names(one.scenario))
         if policies not in rates:
             rates[policies] = control_rate(scenario)
-        size = Extent(scenario.avatar_count, scenario.control_frames(rates[policies]), rates[policies])
-        needed = estimate(*size, one.outputs)
-        planned[id] = PlannedRun(id, scenario.name, scenario.seed, *size, one.outputs, policies, needed)
+        area = area_of(pack_obstacles(scenario, None))
+        size = Extent(scenario.avatar_count, scenario.control_frames(rates[policies]), rates[policies], area)
+        needed = estimate(size, one.outputs)
+        planned[id] = PlannedRun(id, scenario.name, scenario.seed, *size[:3], one.outputs, policies, needed)
     return Plan(batch, tuple(combinations), planned)
 
 
-def estimate(avatars: int, control_frames: int, control_rate: float, outputs: Outputs) -> Estimate:
+def estimate(size: Extent, outputs: Outputs) -> Estimate:
     """Return what a run takes, from measured costs."""
-    memory, size = estimate_needs(avatars, control_frames)
-    size += _RUN_BYTES
-    seconds = _RUN_SECONDS + _CONTROL_SECONDS * avatars * control_frames
+    memory, room = estimate_needs(size.avatars, size.control_frames)
+    room += _RUN_BYTES
+    seconds = _RUN_SECONDS + _CONTROL_SECONDS * size.avatars * size.control_frames
     for output in outputs.wanted():
-        more, time = output.cost(Extent(avatars, control_frames, control_rate))
-        size, seconds = size + more, seconds + time
-    return Estimate(bytes=size, memory=memory, seconds=seconds)
+        more, time = output.cost(size)
+        room, seconds = room + more, seconds + time
+    return Estimate(bytes=room, memory=memory, seconds=seconds)
 
 
 def check_disk(folder: Path, estimates: Iterable[Estimate]) -> None:

@@ -98,7 +98,7 @@ def export(job: Job, kind: str, *_: None) -> None:
         output = getattr(job.run.outputs, kind).within(extent_of(take))
         out = job.work / f"export-{kind}"
         _wait_for(out)
-        export_take(job.folder, take, take.policies, [output], out, 1, progress)
+        export_take(job.folder, take, take.policies, [output], out, 1, progress, obstacles=read_obstacles(job.folder))
 
 
 def draw(job: Job, first: int, stop: int, *_: None) -> None:

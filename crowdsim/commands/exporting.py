@@ -46,7 +46,7 @@ def export(
         outputs = choose_outputs(run, kinds, fps or run.fps, frames, avatars, **options)
         uses = list(dict.fromkeys(output.kernels for output in outputs))
         with Bars() as bars, watch_compilation(bars.note, uses, threads):
-            written = export_take(unpacked, run, run.policies, outputs, target, threads, bars, force)
+            written = export_take(unpacked, run, run.policies, outputs, target, threads, bars, force, run.obstacles)
     for kind, files in written.items():
         size = sum(path.stat().st_size for path in files)
         count = sum(path.name != AVATARS for path in files)

@@ -44,7 +44,7 @@ class Cloud:
 
     @property
     def labels(self) -> Array:
-        """Numbers of avatar, team and joint. Shape (n, 3), int32."""
+        """Numbers of avatar, team and joint; negative on obstacles. Shape (n, 3), int32."""
         return self.rows.view("<i4")[:, _LABELS:]
 
     @property

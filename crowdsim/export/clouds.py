@@ -31,6 +31,12 @@ class CloudOutput(PosedOutput):
     surface: Literal["capsules", "body"] = Field(
         default="capsules", description="What points lie on: `capsules`, or the skin of the `body`."
     )
+    obstacles: float = Field(
+        default=50.0,
+        ge=0.0,
+        le=100_000.0,
+        description="Points a square metre on walls, doors and other obstacles; 0 leaves them out.",
+    )
 
     @classmethod
     def posed_pattern(cls) -> str:
@@ -45,14 +51,23 @@ class CloudOutput(PosedOutput):
             what = f"asks for {points:,} points a frame, expected at most {MAXIMUM_POINTS:,}"
             yield Finding(("points",), what)
 
+    def findings_for(self, extent: Extent) -> Iterator[Finding]:
+        """Yield a finding where there are too many points on obstacles."""
+        points = self.obstacles * extent.obstacle_area
+        if points > MAXIMUM_POINTS:
+            what = f"asks for {points:,.0f} points a frame on {extent.obstacle_area:,.0f} m2 of obstacles, "
+            yield Finding(("obstacles",), f"{what}expected at most {MAXIMUM_POINTS:,}")
+
     def posed_files(self, extent: Extent, names: Sequence[str]) -> Iterator[str | Series]:
         """Yield the names of the clouds, which are numbered by output frame."""
         yield Series(self.name, range(*self.frames_of(extent), self.every), self.name)
 
     def cost(self, extent: Extent) -> tuple[float, float]:
         """Return about how much room its files take [bytes], and how long one core writes them [s]."""
-        bodies = len(self.chosen(extent.avatars)) * self.frame_count(extent) / self.every
-        return _POINT_BYTES * self.points * bodies, (_POINT_SECONDS * self.points + POSE_SECONDS) * bodies
+        frames = self.frame_count(extent) / self.every
+        bodies = len(self.chosen(extent.avatars)) * frames
+        points = self.points * bodies + self.obstacles * extent.obstacle_area * frames
+        return _POINT_BYTES * points, _POINT_SECONDS * points + POSE_SECONDS * bodies
 
     def sink(self, sampler: PoseSampler, folder: Path, missing: Collection[str] | None = None) -> Sink:
         """Return what writes clouds, from the first that is missing on."""
@@ -62,5 +77,14 @@ class CloudOutput(PosedOutput):
         if missing:
             first = min(int(Path(name).stem) for name in missing)
         return CloudSink(
-            sampler, folder, self.name, self.rate, self.points, (first, stop), self.every, self.numbers, self.surface
+            sampler,
+            folder,
+            self.name,
+            self.rate,
+            self.points,
+            (first, stop),
+            self.every,
+            self.numbers,
+            self.surface,
+            self.obstacles,
         )

@@ -37,6 +37,8 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.motion.strikes import LIMBS
+from crowdsim.places.kernels.records import DOOR
+from crowdsim.places.mesh import OBSTACLE_KINDS, OBSTACLE_PAINTS, Mesh, join_meshes, mesh_of
 from crowdsim.poses.builds import build_skeleton
 from crowdsim.poses.sampler import Poses, PoseSampler
 from crowdsim.scenario.rates import exact_rate
@@ -257,6 +259,7 @@ class GltfSink:
                 moments = document.add(key_times(changes, self._fps), limits=True)
                 animate(first, "scale", document.add(np.repeat(shown[:, None], 3, axis=1)), moments, steps=True)
         self._add_targets(document, animate)
+        self._add_obstacles(document, animate)
         for camera in self._cameras:
             document.add_camera(camera, animate)
         document.json["animations"] = [{"name": str(take.scenario), "samplers": samplers, "channels": channels}]
@@ -302,6 +305,29 @@ class GltfSink:
             document.nodes.append({"name": f"target_{number}", "mesh": ball})
             document.json["scenes"][0]["nodes"].append(len(document.nodes) - 1)
             animate(len(document.nodes) - 1, "translation", document.add(places[:, number].astype("<f4")))
+
+    def _add_obstacles(self, document: Document, animate: Callable[..., None]) -> None:
+        """Add a node for each obstacle, and one for each door, which is scaled to nothing while it is open."""
+        parts = self._sampler.obstacles
+        doors = np.cumsum(parts["kind"] == DOOR)
+        keys = [
+            (int(part["kind"]), int(part["obstacle"]), int(door) if part["kind"] == DOOR else 0)
+            for part, door in zip(parts, doors, strict=True)
+        ]
+        for key in dict.fromkeys(keys):
+            kind, number, door = key
+            shown = parts[[one == key for one in keys]]
+            name = "ring" if number < 0 else f"obstacle_{number}"
+            node = document.add_obstacle(
+                f"{name}_door_{door}" if door else name, kind, [mesh_of(part) for part in shown]
+            )
+            times = [float(shown[key][0]) - float(self.start / self._fps) for key in ("opens", "closes")]
+            changes = sorted({0.0, *(time for time in times if 0.0 < time <= float((self._frames - 1) / self._fps))})
+            stands = [not times[0] <= time < times[1] for time in changes]
+            if not all(stands):
+                moments = document.add(np.array(changes, "<f4"), limits=True)
+                scales = np.repeat(np.array(stands, "<f4")[:, None], 3, axis=1)
+                animate(node, "scale", document.add(scales), moments, True)
 
     def _extras(self, there: dict[int, Array]) -> dict[str, Any]:
         """What a scene says of its crowd: rate, first frame and the strikes of its frames, seconds from its start."""
@@ -498,6 +524,30 @@ class Document:
         rotations = quaternion.continuous(camera.rotations)[:, [1, 2, 3, 0]]
         animate(len(self.nodes) - 1, "translation", self.add(camera.positions.astype("<f4")))
         animate(len(self.nodes) - 1, "rotation", self.add(rotations.astype("<f4")))
+
+    def add_obstacle(self, name: str, kind: int, meshes: list[Mesh]) -> int:
+        """Add an obstacle to the root of the scene, and return its node."""
+        mesh = join_meshes(meshes)
+        attributes = {
+            "POSITION": self.add(mesh.positions.astype("<f4"), _VERTICES, limits=True),
+            "NORMAL": self.add(mesh.normals.astype("<f4"), _VERTICES),
+        }
+        key = (-1 - kind, b"")
+        if key not in self.materials:
+            self.materials[key] = len(self.json["materials"])
+            *colour, shine = OBSTACLE_PAINTS[kind]
+            self.json["materials"].append({
+                "name": OBSTACLE_KINDS[kind],
+                "pbrMetallicRoughness": {
+                    "baseColorFactor": [*colour, 1.0], "metallicFactor": 0.0, "roughnessFactor": round(1.0 - shine, 3),
+                },
+            })  # fmt: skip
+        indices = self.add(mesh.triangles.astype("<u4").ravel(), _INDICES)
+        primitive = {"attributes": attributes, "indices": indices, "material": self.materials[key]}
+        self.json["meshes"].append({"name": name, "primitives": [primitive]})
+        self.nodes.append({"name": name, "mesh": len(self.json["meshes"]) - 1})
+        self.json["scenes"][0]["nodes"].append(len(self.nodes) - 1)
+        return len(self.nodes) - 1
 
     def add_ball(self, radius: float) -> int:
         """Add a ball as a mesh, and return it."""

@@ -26,8 +26,9 @@ from crowdsim.export.cloud_kernels import (
     place_skin_points,
 )
 from crowdsim.export.stream import Block, run_all, stream_poses
-from crowdsim.export.surface import Surface, build_skin_surface, build_surface
+from crowdsim.export.surface import Surface, build_skin_surface, build_surface, spread_points
 from crowdsim.files import make_folder
+from crowdsim.places.mesh import mesh_of, triangle_areas
 from crowdsim.poses.sampler import Poses, PoseSampler
 
 _Placer = Callable[[Bodies, When, Wanted, Cloud], None]
@@ -49,6 +50,7 @@ class CloudSink:
         every: Write each n-th.
         avatars: Numbers of the avatars; all when None.
         surface: What points lie on: ``capsules``, or the skin of the ``body``.
+        obstacles: Points a square metre on the obstacles of ``sampler``, while they stand (``obstacle_points``).
 
     Raises:
         RunError: Open3D, which writes PCD, cannot be loaded.
@@ -67,6 +69,7 @@ class CloudSink:
         every: int = 1,
         avatars: Sequence[int] | Array | None = None,
         surface: str = "capsules",
+        obstacles: float = 0.0,
     ) -> None:
         if kind == "pcd":
             probe_open3d()
@@ -81,6 +84,7 @@ class CloudSink:
         self._surfaces: dict[int, Surface] = {}
         self._skins: dict[tuple[int, Build], tuple[Skin, SkinRiders]] = {}
         self._frames: dict[int, Frames] = {}
+        self._standing = obstacle_points(sampler.obstacles, obstacles)
         self._files: list[Path] = []
 
     @property
@@ -107,7 +111,7 @@ class CloudSink:
 
         def write(frame: int) -> Path:
             path = self._folder / f"{frame:06d}.{self.kind}"
-            write_cloud(path, self._build(block.poses, joints, place, frame - block.first))
+            write_cloud(path, self._build(block.poses, joints, place, frame - block.first, frame))
             return path
 
         self._files += run_all(pool, write, frames)
@@ -124,7 +128,7 @@ class CloudSink:
         last = self._sampler.take.output_frames(self._fps)
         low, high = max(frame - 1, 0), min(frame + 2, last)
         block = Block(low, frame, frame + 1, self._sampler.sample(low, high, self._fps, self.avatars))
-        return self._build(block.poses, block.joints, self._placers(block.poses), frame - low)
+        return self._build(block.poses, block.joints, self._placers(block.poses), frame - low, frame)
 
     def _placers(self, blocks: Sequence[Poses]) -> list[_Placer]:
         """Return what puts the points of some avatars of each block into the world; all that it needs is built here."""
@@ -184,13 +188,21 @@ class CloudSink:
         return riders
 
     def _build(
-        self, blocks: Sequence[Poses], all_joints: Sequence[tuple[Array, Array]], placers: Sequence[_Placer], row: int
+        self,
+        blocks: Sequence[Poses],
+        all_joints: Sequence[tuple[Array, Array]],
+        placers: Sequence[_Placer],
+        row: int,
+        frame: int,
     ) -> Cloud:
         here = [
             np.flatnonzero(np.isfinite(joints[row, :, 0, 0]) & self._chosen[poses.avatars])
             for poses, (joints, _) in zip(blocks, all_joints, strict=True)
         ]
-        cloud = Cloud.empty(self._points * sum(map(len, here)))
+        seconds = frame / self._fps
+        standing = [rows for (opens, closes), rows in self._standing.items() if not opens <= seconds < closes]
+        on_bodies = self._points * sum(map(len, here))
+        cloud = Cloud.empty(on_bodies + sum(map(len, standing)))
         teams, first = self._sampler.take.cast.teams, 0
         for poses, (joints, rotations), place, columns in zip(blocks, all_joints, placers, here, strict=True):
             build = poses.scales, poses.girths, poses.stretches
@@ -201,7 +213,38 @@ class CloudSink:
             stop = first + self._points * len(columns)
             place(bodies, when, wanted, Cloud(cloud.rows[first:stop]))
             first = stop
+        if standing:
+            np.concatenate(standing, out=cloud.rows[on_bodies:])
         return cloud
+
+
+def obstacle_points(parts: Array, density: float) -> dict[tuple[float, float], Array]:
+    """Return points on obstacles, by when these are open.
+
+    Their avatar and team are -1, their joint is -1 less the kind of obstacle: -1 walls, -2 boxes, -3 discs, -4 ropes,
+    -5 doors.
+
+    Args:
+        parts: Parts of obstacles. Shape (n,), ``PART``.
+        density: Points a square metre.
+
+    Returns:
+        From which second to which they are open, and the rows of ``Cloud`` (m, 12).
+    """
+    found: dict[tuple[float, float], list[Array]] = {}
+    for part in parts if density > 0.0 else ():
+        mesh = mesh_of(part)
+        corners = mesh.positions[mesh.triangles]
+        faces, shares = spread_points(corners, max(1, round(density * float(triangle_areas(corners).sum()))))
+        cloud = Cloud.empty(len(faces))
+        weights = shares[:, :, None]
+        normals = (mesh.normals[mesh.triangles[faces]] * weights).sum(axis=1)
+        cloud.values[:, :3] = (corners[faces] * weights).sum(axis=1)
+        cloud.values[:, 3:6] = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        cloud.values[:, 6:] = 0.0
+        cloud.labels[:] = (-1, -1, -1 - int(part["kind"]))
+        found.setdefault((float(part["opens"]), float(part["closes"])), []).append(cloud.rows)
+    return {times: np.concatenate(rows) for times, rows in found.items()}
 
 
 def export_clouds(
@@ -216,6 +259,7 @@ def export_clouds(
     threads: int = 1,
     progress: Progress | None = None,
     surface: str = "capsules",
+    obstacles: float = 0.0,
 ) -> list[Path]:
     """Write point clouds of a take; see ``CloudSink``.
 
@@ -227,5 +271,5 @@ def export_clouds(
         RunError: Open3D, which writes PCD, cannot be loaded.
     """
     make_folder(folder)
-    sink = CloudSink(sampler, folder, kind, fps, points, frames, every, avatars, surface)
+    sink = CloudSink(sampler, folder, kind, fps, points, frames, every, avatars, surface, obstacles)
     return stream_poses(sampler, fps, [sink], threads, progress)[0]

@@ -1,4 +1,4 @@
-"""Points spread evenly over a body's capsules or its skin, once for each body."""
+"""Points spread evenly over a body's capsules, its skin, or any triangles, once for each."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from crowdsim.body.skin import Skin
 from crowdsim.core.types import Array
 from crowdsim.motion.body import Body
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.places.mesh import triangle_areas
 from crowdsim.poses.builds import capsule_segments
 from crowdsim.poses.capsules import swelling_capsules
 
@@ -61,14 +62,34 @@ class SkinSurface:
 def build_skin_surface(skin: Skin, points: int) -> SkinSurface:
     """Spread points over a skin, by area.
 
-    Triangles are walked along a curve that fills space, so that points an equal area apart are spread evenly.
-
     Args:
         skin: The skin.
         points: Number of points K.
     """
-    corners = skin.vertices[skin.triangles].astype(float)
-    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    found, shares = spread_points(skin.vertices[skin.triangles].astype(float), points)
+    faces = skin.triangles[found]
+    joints, weights = skin.joints[faces], skin.weights[faces]
+    owners = np.concatenate([np.arange(len(skin.parents)), skin.helpers])
+    carried = np.zeros((points, len(skin.parents)))
+    rows = np.broadcast_to(np.arange(points)[:, None, None], joints.shape)
+    np.add.at(carried, (rows, owners[joints]), weights * shares[:, :, None])
+    labels = np.argmax(carried, axis=1).astype(np.int32)
+    return SkinSurface(joints, weights, skin.vertices[faces], skin.normals[faces], shares, labels)
+
+
+def spread_points(corners: Array, points: int) -> tuple[Array, Array]:
+    """Spread points over triangles, by area.
+
+    Triangles are walked along a curve that fills space, so that points an equal area apart are spread evenly.
+
+    Args:
+        corners: Corners of the triangles [m]. Shape (T, 3, 3).
+        points: Number of points K.
+
+    Returns:
+        Triangle of each point (K,), and the shares of its corners (K, 3).
+    """
+    areas = triangle_areas(corners)
     middles = corners.mean(axis=1)
     cells = ((middles - middles.min(axis=0)) / np.ptp(middles, axis=0).max() * 1023.0).astype(np.int64)
     keys = sum(((cells[:, axis] >> bit) & 1) << (3 * bit + axis) for bit in range(10) for axis in range(3))
@@ -80,14 +101,7 @@ def build_skin_surface(skin: Skin, points: int) -> SkinSurface:
     first, second = (numbers * 0.7548776662466927 + 0.5) % 1.0, (numbers * 0.5698402909980532 + 0.5) % 1.0
     root = np.sqrt(first)
     shares = np.stack([1.0 - root, root * (1.0 - second), root * second], axis=1)
-    faces = skin.triangles[found]
-    joints, weights = skin.joints[faces], skin.weights[faces]
-    owners = np.concatenate([np.arange(len(skin.parents)), skin.helpers])
-    carried = np.zeros((points, len(skin.parents)))
-    rows = np.broadcast_to(numbers[:, None, None], joints.shape)
-    np.add.at(carried, (rows, owners[joints]), weights * shares[:, :, None])
-    labels = np.argmax(carried, axis=1).astype(np.int32)
-    return SkinSurface(joints, weights, skin.vertices[faces], skin.normals[faces], shares, labels)
+    return found, shares
 
 
 def build_surface(skeleton: Skeleton, body: Body, points: int) -> Surface:

@@ -22,6 +22,7 @@ from crowdsim.errors import TakeError
 from crowdsim.motion import ground
 from crowdsim.motion.body import Body
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.places.kernels.records import PART
 from crowdsim.policy.rewards import posed_distance
 from crowdsim.poses.hits import find_landed
 from crowdsim.poses.kernels.columns import TRUNK
@@ -124,6 +125,8 @@ class PoseSampler:
         policies: Its policies, in the order of ``take.cast.policy_names``.
         threads: Threads that share the work; the result does not depend on them.
         reactions: Whether landed strikes move those whom they hit; as the take says when None.
+        obstacles: What stands around the avatars, whose doors open by seconds; it moves no pose, and outputs show it.
+            Shape (n,), ``PART``.
 
     Raises:
         TakeError: The policies are not those that the take was recorded with, or it holds actions that they do not
@@ -131,7 +134,12 @@ class PoseSampler:
     """
 
     def __init__(
-        self, take: TakeData, policies: Sequence[Policy], threads: int = 1, reactions: bool | None = None
+        self,
+        take: TakeData,
+        policies: Sequence[Policy],
+        threads: int = 1,
+        reactions: bool | None = None,
+        obstacles: Array | None = None,
     ) -> None:
         names = take.cast.policy_names
         if len(policies) != len(names):
@@ -154,7 +162,7 @@ class PoseSampler:
             arrays = {name: RecentRows(getattr(take, name)) for name in _READ}
         take = replace(take, **arrays)
         self.take = take
-        self.policies = tuple(policies)
+        self.policies, self.obstacles = tuple(policies), np.zeros(0, PART) if obstacles is None else obstacles
         self.motions = [prepare_motion(policy) for policy in policies]
         self._buried = np.zeros(len(take.events.frame), bool)
         self._searched: set[int] = set()

@@ -13,6 +13,7 @@ from crowdsim import assets
 from crowdsim.config.files import Finding, find_faults
 from crowdsim.config.nodes import MAXIMUM_BYTES
 from crowdsim.errors import CrowdsimError, PolicyError, RecipeError, ScenarioError, nearest
+from crowdsim.places.mesh import area_of
 from crowdsim.scenario.frame_ranges import output_frames
 from crowdsim.scenario.output import Extent, Ranged
 
@@ -189,10 +190,13 @@ def _time_findings(scenario: Scenario) -> list[Finding]:
     Raises:
         ScenarioError: The control rates of the policies differ.
     """
+    from crowdsim.crowd.obstacles import pack_obstacles
+
     rate = control_rate(scenario)
     count = scenario.control_frames(rate)
     findings: list[Finding] = []
-    outputs, extent = scenario.outputs.resolved(scenario.fps).wanted(), Extent(scenario.avatar_count, count, rate)
+    outputs, area = scenario.outputs.resolved(scenario.fps).wanted(), area_of(pack_obstacles(scenario, None))
+    extent = Extent(scenario.avatar_count, count, rate, area)
     for output in (output for output in outputs if isinstance(output, Ranged)):
         findings += map(output.place, output.findings_for(extent))
         frames, fps = output.asked_frames(), output.rate

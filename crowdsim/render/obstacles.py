@@ -8,18 +8,11 @@ from functools import lru_cache
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.places.kernels.records import BOX, DISC, DOOR, PART, ROPES, WALL
+from crowdsim.places.kernels.records import BOX, DISC, PART, ROPES
+from crowdsim.places.mesh import OBSTACLE_PAINTS, POST, ROPE_LEVELS
 from crowdsim.render.raycast import Capsules
 
-_PAINTS = {
-    WALL: (0.36, 0.33, 0.30, 0.05),
-    BOX: (0.25, 0.17, 0.10, 0.10),
-    DISC: (0.30, 0.31, 0.33, 0.15),
-    DOOR: (0.12, 0.09, 0.07, 0.25),
-}
-_ROPE_PAINT, _POST_PAINT = (0.55, 0.03, 0.03, 0.3), (0.06, 0.06, 0.07, 0.3)
-_ROPES, _POST = 3, 0.05
-"""Ropes above one another, and the radius of the posts between them [m]."""
+_POST_PAINT = (0.06, 0.06, 0.07, 0.3)
 _GROOVE = 0.13
 """How far apart capsules are beside one another, over their diameter."""
 _LOOKED_AT, _TRUNK = 500, 1.1
@@ -104,11 +97,11 @@ def _lines_of(part: Array) -> tuple[Array, Array]:
     middle = np.array([part["x"], part["z"]])
     reach, aside = float(part["half_along"]) * along, float(part["half_across"]) * across
     if kind == ROPES:
-        levels = height * (1.0 + np.arange(_ROPES)) / _ROPES - radius
+        levels = height * (1.0 + np.arange(ROPE_LEVELS)) / ROPE_LEVELS - radius
         lines = [_line(middle - reach, middle + reach, level, level, radius) for level in levels]
-        post = _line(middle - reach, middle - reach, 0.0, height, _POST)
-        return np.array([*lines, post]), np.array([*([_ROPE_PAINT] * _ROPES), _POST_PAINT])
-    paint = np.array(_PAINTS[kind])
+        post = _line(middle - reach, middle - reach, 0.0, height, POST)
+        return np.array([*lines, post]), np.array([*([OBSTACLE_PAINTS[ROPES]] * ROPE_LEVELS), _POST_PAINT])
+    paint = np.array(OBSTACLE_PAINTS[kind])
     if kind == DISC:
         top = max(height - radius, 0.0)
         return np.array([_line(middle, middle, 0.0, top, radius)]), paint

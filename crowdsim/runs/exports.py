@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from crowdsim.config.schema import join
-from crowdsim.core.types import Progress
+from crowdsim.core.types import Array, Progress
 from crowdsim.errors import CrowdsimError, nearest
 from crowdsim.export.posed import PosedOutput, extent_of, write_posed
 from crowdsim.files import is_folder, move_plain, walk
@@ -110,6 +110,7 @@ def export_take(
     threads: int = 1,
     progress: Progress | None = None,
     force: bool = False,
+    obstacles: Array | None = None,
 ) -> dict[str, list[Path]]:
     """Export a run's take again; return the files of each output.
 
@@ -125,6 +126,7 @@ def export_take(
         threads: Threads.
         progress: Called with stage, done and total.
         force: Whether to do it again although it is done, and to replace exports in another folder.
+        obstacles: Obstacles of its scenario, whose doors open by seconds. Shape (n,), ``PART``.
 
     Raises:
         TakeError: The manifest is damaged.
@@ -143,7 +145,8 @@ def export_take(
         if writing.done:
             written = {kind: [path for path in writing.done if path.parent.name == kind] for kind in kinds}
         else:
-            written = write_posed(PoseSampler(take, policies, threads), writing.folder, outputs, threads, progress)
+            sampler = PoseSampler(take, policies, threads, obstacles=obstacles)
+            written = write_posed(sampler, writing.folder, outputs, threads, progress)
     return {kind: [place / kind / path.name for path in files] for kind, files in written.items()}
 
 

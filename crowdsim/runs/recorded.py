@@ -106,7 +106,9 @@ class RecordedRun(Take):
         chosen = None if numbers is None else ",".join(map(str, numbers))
         outputs = choose_outputs(self, wanted, self.fps if fps is None else fps, _range_text(frames), chosen, **keys)
         folder = self._place(out)
-        written = export_take(self.folder or folder, self, self.policies, outputs, folder, threads, progress, force)
+        written = export_take(
+            self.folder or folder, self, self.policies, outputs, folder, threads, progress, force, self.obstacles
+        )
         return [path for files in written.values() for path in files]
 
     def render(

@@ -15,6 +15,7 @@ from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.errors import CrowdsimError, RunError, ScenarioError, TakeError, under_way
 from crowdsim.files import copy_plain, exists_plain, is_folder, remove_plain, remove_tree, stat_plain, walk, write_plain
 from crowdsim.machine import peak_memory
+from crowdsim.places.mesh import area_of
 from crowdsim.preparation.prepare import (
     LARGE,
     kernel_uses,
@@ -250,9 +251,11 @@ def plan_run(one: Run, crowd: Crowd) -> Plan:
     Raises:
         ScenarioError: An output has the name of a file that the scenario reads, or there are too many files.
     """
+    from crowdsim.crowd.obstacles import pack_obstacles
+
     scenario = one.scenario
     names, wanted = crowd.cast.names.tolist(), scenario.outputs.wanted()
-    extent = Extent(len(names), crowd.frames, crowd.rate)
+    extent = Extent(len(names), crowd.frames, crowd.rate, area_of(pack_obstacles(scenario, None)))
     scenario.refuse([output.place(finding) for output in wanted for finding in output.findings_for(extent)])
     plan = Plan.of(wanted, extent, names)
     count = sum(plan.counts().values())
@@ -327,7 +330,7 @@ def _write_outputs(
     wanted = run.scenario.outputs.wanted()
     posed = [output for output in wanted if isinstance(output, PosedOutput)]
     if posed:
-        sampler = PoseSampler(take, policies, run.threads)
+        sampler = PoseSampler(take, policies, run.threads, obstacles=obstacles)
         for kind, files in write_posed(sampler, run.work, posed, run.threads, run.advance_outputs).items():
             found[kind] = run.work / kind, files
         run.clock.lap("export")

@@ -38,11 +38,13 @@ class Extent(NamedTuple):
         avatars: Number of avatars.
         control_frames: Number of control frames.
         control_rate: Control frames a second.
+        obstacle_area: Surface of the obstacles of its scenario [m2].
     """
 
     avatars: int
     control_frames: int
     control_rate: float
+    obstacle_area: float = 0.0
 
 
 class Series(NamedTuple):

@@ -57,7 +57,7 @@ class Take(TakeData):
 
         if not self.policies:
             raise TakeError("the take has no policies, which poses need; crowdsim.open_run opens a run with both")
-        return PoseSampler(self, self.policies)
+        return PoseSampler(self, self.policies, obstacles=getattr(self, "obstacles", None))
 
     def joint_names(self, avatar: int | str) -> tuple[str, ...]:
         """Return the names of an avatar's joints, in the order of ``joints``; parents come before their children.

@@ -21,6 +21,7 @@ from crowdsim.batch.workers import (
     worker_findings,
 )
 from crowdsim.errors import BatchError
+from crowdsim.scenario.output import Extent
 from crowdsim.scenario.outputs import Outputs
 
 OWN = describe_environment()
@@ -128,7 +129,7 @@ def test_a_job_is_plain_data() -> None:
 
 
 def test_a_run_that_a_scheduler_gives_up_has_the_cause_of_its_deaths(tmp_path: Path) -> None:
-    run = PlannedRun("id", "four", 0, 4, 10, 15.0, Outputs(), ("tiny",), estimate(4, 10, 15.0, Outputs()))
+    run = PlannedRun("id", "four", 0, 4, 10, 15.0, Outputs(), ("tiny",), estimate(Extent(4, 10, 15.0), Outputs()))
     path = tmp_path / "logs" / "id" / "simulate.log"
     path.parent.mkdir(parents=True)
     begun = '{"begin": "simulate", "session": "one", "worker": "tcp://a", "host": "here", "pid": 7}\n'

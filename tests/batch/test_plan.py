@@ -18,6 +18,7 @@ from crowdsim.outputs.bvh import BvhOutput
 from crowdsim.outputs.csv import CsvOutput
 from crowdsim.outputs.ply import PlyOutput
 from crowdsim.outputs.render import RenderOutput
+from crowdsim.scenario.output import Extent
 from crowdsim.scenario.outputs import Outputs
 
 AXES = [{"seed": "0:3"}, {"duration": [20, 30]}]
@@ -96,24 +97,27 @@ def test_a_plan_of_as_many_runs_as_there_may_be_is_read_again_and_a_longer_one_n
 
 
 def test_estimates_grow_with_what_is_written() -> None:
-    least = estimate(30, 1000, 15.0, Outputs())
-    motion = estimate(30, 1000, 15.0, Outputs(bvh=BvhOutput(fps=60)))
-    clouds = estimate(30, 1000, 15.0, Outputs(ply=PlyOutput(fps=15)))
+    size = Extent(30, 1000, 15.0)
+    least = estimate(size, Outputs())
+    motion = estimate(size, Outputs(bvh=BvhOutput(fps=60)))
+    clouds = estimate(size, Outputs(ply=PlyOutput(fps=15)))
     assert 70e6 < motion.bytes - least.bytes < 90e6
     assert 700e6 < clouds.bytes - least.bytes < 800e6
     assert least.seconds < motion.seconds < 10
-    some = estimate(30, 1000, 15.0, Outputs(bvh=BvhOutput(fps=60, avatars=(0, 1), frames=(0, 60))))
+    some = estimate(size, Outputs(bvh=BvhOutput(fps=60, avatars=(0, 1), frames=(0, 60))))
     assert some.bytes - least.bytes == 650 * 2 * 60
-    hands = estimate(30, 1000, 15.0, Outputs(csv=CsvOutput(fps=15, every=10, joints=("left_hand", "right_hand"))))
+    standing = estimate(size._replace(obstacle_area=100.0), Outputs(ply=PlyOutput(fps=15)))
+    assert standing.bytes - clouds.bytes == 50 * 50 * 100 * 1000
+    hands = estimate(size, Outputs(csv=CsvOutput(fps=15, every=10, joints=("left_hand", "right_hand"))))
     assert hands.bytes - least.bytes == 30 * 100 * (16 + 2 * 30)
 
 
 def test_a_disk_with_room_is_not_refused(tmp_path: Path) -> None:
-    check_disk(tmp_path / "a" / "b", [estimate(2, 10, 15.0, Outputs())])
+    check_disk(tmp_path / "a" / "b", [estimate(Extent(2, 10, 15.0), Outputs())])
 
 
 def run_of(frames: int, outputs: Outputs) -> PlannedRun:
-    return PlannedRun("id", "four", 0, 4, frames, 15.0, outputs, ("tiny",), estimate(4, frames, 15.0, outputs))
+    return PlannedRun("id", "four", 0, 4, frames, 15.0, outputs, ("tiny",), estimate(Extent(4, frames, 15.0), outputs))
 
 
 def test_tasks_draw_whole_segments_and_together_all_pictures() -> None:

@@ -93,7 +93,7 @@ def test_the_command_writes_all_joints_of_some_frames_and_avatars(run: Path, cap
     [
         (["cvs"], {}, "cannot export 'cvs', expected bvh, ply, pcd, clips, csv, glb (did you mean 'csv'?)"),
         (["csv"], {"joint": "head"}, "no export has the key 'joint', expected frames, fps, avatars, whole, t_pose, "
-         "every, points, surface, rotations, joints, camera, split (did you mean 'joints'?)"),
+         "every, points, surface, obstacles, rotations, joints, camera, split (did you mean 'joints'?)"),
         (["csv"], {"every": 0}, "csv: every: Input should be greater than or equal to 1"),
         (["csv"], {"frames": "5:2"}, "frames '5:2': is empty, expected the first frame before the last"),
     ],

@@ -22,6 +22,8 @@ from crowdsim.export import gltf, stream
 from crowdsim.export.gltf import write_gltf
 from crowdsim.export.posed import write_posed
 from crowdsim.outputs.glb import GlbOutput
+from crowdsim.places.arrays import pack_parts
+from crowdsim.places.description import DiscObstacle, WallObstacle
 from crowdsim.poses.sampler import PoseSampler
 from crowdsim.preparation.prepare import load_policies
 from crowdsim.render.camera import build_track, resolve_camera
@@ -31,7 +33,7 @@ from crowdsim.scenario.scenario import load_scenario
 
 pygltflib = pytest.importorskip("pygltflib")
 FPS = Fraction(24000, 1001)
-DTYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5126: "<f4"}
+DTYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
@@ -304,7 +306,11 @@ def test_the_validator_reports_nothing(sampler: PoseSampler, tmp_path: Path, rot
     if done.returncode:
         pytest.skip("npm has no gltf-validator")
     places = np.random.default_rng(3).normal(size=(sampler.take.frame_count, 2, 3)).astype(np.float32)
-    shown = PoseSampler(replace(sampler.take, targets=places), sampler.policies)
+    door = {"at": 2.0, "width": 1.0, "opens": 0.2}
+    wall = WallObstacle.model_validate({"kind": "wall", "points": [[0, 4], [6, 4]], "height": 2.0, "doors": [door]})
+    disc = DiscObstacle(kind="disc", centre=(3.0, 0.0), radius=0.3, height=1.0)
+    parts = pack_parts([(0, wall), (1, disc)], None)
+    shown = PoseSampler(replace(sampler.take, targets=places), sampler.policies, obstacles=parts)
     path = write_posed(shown, tmp_path, [GlbOutput(fps=float(FPS), rotations=rotations, camera="fight")])["glb"][0]
     code = (
         "const v=require('gltf-validator'),f=require('fs');"
