@@ -59,6 +59,27 @@ def mesh_of(part: Array) -> Mesh:
     return join_meshes([*ropes, _prism(start, (along, across, up), (0.0, 0.0), POST, height)])
 
 
+def refined(mesh: Mesh, most: float) -> Mesh:
+    """Return a mesh without common vertices whose edges are no longer than ``most`` [m]."""
+    done = []
+    corners = np.stack([mesh.positions[mesh.triangles], mesh.normals[mesh.triangles]], axis=2)
+    while len(corners):
+        lengths = np.linalg.norm(corners[:, :, 0] - np.roll(corners[:, :, 0], -1, axis=1), axis=2)
+        is_short = lengths.max(axis=1) <= most
+        done.append(corners[is_short])
+        corners, longest = corners[~is_short], lengths[~is_short].argmax(axis=1)
+        # Both halves of the longest edge, which comes first.
+        corners = np.take_along_axis(corners, ((longest[:, None] + np.arange(3)) % 3)[:, :, None, None], axis=1)
+        middle = 0.5 * (corners[:, 0] + corners[:, 1])
+        first, second = corners.copy(), corners.copy()
+        first[:, 1], second[:, 0] = middle, middle
+        corners = np.concatenate([first, second])
+    found = np.concatenate([np.empty((0, 3, 2, 3)), *done])
+    normals = found[:, :, 1].reshape(-1, 3)
+    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    return Mesh(found[:, :, 0].reshape(-1, 3), normals, np.arange(3 * len(found)).reshape(-1, 3))
+
+
 def area_of(parts: Array) -> float:
     """Return the area of the surface of parts of obstacles (n,), ``PART`` [m2]."""
     return sum(float(triangle_areas(mesh.positions[mesh.triangles]).sum()) for mesh in map(mesh_of, parts))

@@ -1,37 +1,60 @@
-"""Obstacles in pictures: walls and boxes of capsules side by side, so close that their surfaces look flat."""
+"""Obstacles in pictures: flat faces, whose capsules side by side cast the shadows, and ropes, which are capsules."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import fields, replace
 from functools import lru_cache
 
 import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.places.kernels.records import BOX, DISC, PART, ROPES
-from crowdsim.places.mesh import OBSTACLE_PAINTS, POST, ROPE_LEVELS
-from crowdsim.render.raycast import Capsules
+from crowdsim.places.mesh import OBSTACLE_PAINTS, POST, ROPE_LEVELS, join_meshes, mesh_of, refined
+from crowdsim.render.raycast import Capsules, PosedSkins
 
 _POST_PAINT = (0.06, 0.06, 0.07, 0.3)
-_GROOVE = 0.13
+_GROOVE = 0.6
 """How far apart capsules are beside one another, over their diameter."""
 _LOOKED_AT, _TRUNK = 500, 1.1
 """Of how many avatars it is looked at whether obstacles hide them, and the height of the middle of a trunk [m]."""
 _CLOSE = 1.0
 """How near the eye an obstacle fills the picture [m]."""
+_EDGE = 0.6
+"""Length of the edges of faces at most, so that none of them begins behind the eye and ends far ahead of it [m]."""
 _MOST_RADIUS, _FACE = 0.25, 0.06
 """Radius of capsules of walls at most, and of those in the faces of boxes [m]."""
 
 
-def obstacle_capsules(parts: Array, seconds: float) -> Capsules:
-    """Return the capsules that show obstacles at a time; each part is a figure of its own.
+def add_obstacles(
+    capsules: Capsules, skins: PosedSkins | None, parts: Array, seconds: float
+) -> tuple[Capsules, PosedSkins | None]:
+    """Return capsules and skins of figures with those of obstacles at a time; each part is a figure of its own.
 
     Args:
+        capsules: Capsules of figures.
+        skins: Their skins.
         parts: Parts of obstacles, whose doors open by seconds (``places.arrays.pack_parts``). Shape (n,), ``PART``.
         seconds: The time.
     """
     stands = ~((parts["opens"] <= seconds) & (seconds < parts["closes"]))
-    return _capsules_of(parts[stands].tobytes())
+    own, faces = _scenery_of(parts[stands].tobytes())
+    joined = Capsules(*(np.concatenate(pair) for pair in zip(_values(capsules), _values(own), strict=True)))
+    if not len(faces.triangles):
+        return joined, skins
+    faces = replace(faces, homes=faces.homes + np.int32(len(capsules.shapes)))
+    if skins is None:
+        return joined, faces
+    faces = replace(
+        faces,
+        triangles=faces.triangles + np.int32(len(skins.vertices)),
+        looks=faces.looks + np.int32(len(skins.paints)),
+    )
+    return joined, PosedSkins(*(np.concatenate(pair) for pair in zip(_values(skins), _values(faces), strict=True)))
+
+
+def _values(one: Capsules | PosedSkins) -> list[Array]:
+    return [getattr(one, field.name) for field in fields(one)]
 
 
 def hide_avatars(parts: Array, eye: Array, ground: Array) -> Array:
@@ -65,27 +88,41 @@ def hide_avatars(parts: Array, eye: Array, ground: Array) -> Array:
 
 
 @lru_cache(maxsize=8)
-def _capsules_of(packed: bytes) -> Capsules:
-    """Return the capsules of parts that stand, given as bytes: most pictures of a video show the same ones."""
+def _scenery_of(packed: bytes) -> tuple[Capsules, PosedSkins]:
+    """Return what shows parts that stand, given as bytes: most pictures of a video show the same ones."""
     shapes, paints, owners = [np.empty((0, 8))], [np.empty((0, 4))], [np.empty(0)]
+    meshes, faced, sides, row = [], [], [np.empty(0)], 0
     for number, part in enumerate(np.frombuffer(packed, PART)):
         lines, paint = _lines_of(part)
         shapes.append(lines)
         paints.append(np.broadcast_to(paint, (len(lines), 4)))
         owners.append(np.full(len(lines), -2 - number))
-    return Capsules(
+        if int(part["kind"]) != ROPES:
+            mesh = refined(mesh_of(part), _EDGE)
+            meshes.append(mesh)
+            # Sides of one part are figures of their own, between which edges are as smooth as between others.
+            around = [[part["ux"], 0.0, part["uz"]], [-part["uz"], 0.0, part["ux"]], [0.0, 1.0, 0.0]]
+            towards = mesh.normals[mesh.triangles].mean(axis=1) @ np.array(around).T
+            sides.append(8 * (-2 - number) - np.concatenate([towards, -towards], axis=1).argmax(axis=1))
+            faced.append((number, int(part["kind"]), row))
+        row += len(lines)
+    capsules = Capsules(
         np.concatenate(shapes).astype(np.float32),
         np.concatenate(paints).astype(np.float32),
         np.concatenate(owners).astype(np.int32),
     )
-
-
-def join_capsules(one: Capsules, other: Capsules) -> Capsules:
-    """Return the capsules of both."""
-    return Capsules(
-        np.concatenate([one.shapes, other.shapes]),
-        np.concatenate([one.paints, other.paints]),
-        np.concatenate([one.owners, other.owners]),
+    mesh = join_meshes(meshes)
+    numbers, kinds, rows = np.array(faced, np.int32).reshape(-1, 3).T
+    counts = [len(one.triangles) for one in meshes]
+    return capsules, PosedSkins(
+        -2 - numbers.astype(np.int64),
+        mesh.positions.astype(np.float32),
+        mesh.normals.astype(np.float32),
+        mesh.triangles.astype(np.int32),
+        np.concatenate(sides).astype(np.int32),
+        np.repeat(kinds, counts),
+        np.repeat(rows, counts),
+        np.array([OBSTACLE_PAINTS[kind] for kind in range(len(OBSTACLE_PAINTS))], np.float32),
     )
 
 

@@ -18,15 +18,15 @@ from crowdsim.render.caption import draw_caption
 from crowdsim.render.crowd_path import watch
 from crowdsim.render.edit import EditedSource
 from crowdsim.render.look import Look
-from crowdsim.render.obstacles import hide_avatars, join_capsules, obstacle_capsules
-from crowdsim.render.raycast import Capsules, Flashes, draw
+from crowdsim.render.obstacles import add_obstacles, hide_avatars
+from crowdsim.render.raycast import Capsules, Flashes, PosedSkins, draw
 from crowdsim.render.scene import Cast, build_cast
 from crowdsim.render.skins import BODY_SCALE, LEAST_SCALE, SkinCast
 from crowdsim.render.source import PoseSource, Shown
 from crowdsim.render.view import View
 from crowdsim.scenario.cameras import Chosen
 
-VERSION = 7
+VERSION = 8
 """Counts changes after which pictures differ."""
 _BETWEEN = 34
 """Grey of the line between cameras side by side."""
@@ -111,7 +111,7 @@ class Stage:
             mean_light(
                 [
                     draw(
-                        self._among_obstacles(capsules, frame, track.view(frame)),
+                        shown[0],
                         view,
                         (right - left, height),
                         track.sun,
@@ -119,27 +119,30 @@ class Stage:
                         threads,
                         self.source.arena,
                         self.look,
-                        skins,
+                        shown[1],
                     )
                     for view in track.view(frame).through_lens(height)
                 ]
             )
             for track, left, right in zip(self.tracks, edges[:-1], edges[1:], strict=True)
+            for shown in [self._among_obstacles(capsules, skins, frame, track.view(frame))]
         ]
         picture = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
         for edge in edges[1:-1]:
             picture[:, max(edge - 1, 0) : edge + 1] = 0 if self.look.transparent else _BETWEEN
         return picture
 
-    def _among_obstacles(self, capsules: Capsules, frame: int, view: View) -> Capsules:
-        """Return capsules of avatars with those of obstacles; of some cameras without obstacles that hide avatars."""
+    def _among_obstacles(
+        self, capsules: Capsules, skins: PosedSkins | None, frame: int, view: View
+    ) -> tuple[Capsules, PosedSkins | None]:
+        """Return avatars among obstacles; of some cameras without obstacles that hide avatars."""
         obstacles = getattr(self.source, "obstacles", None)
         if obstacles is None or not len(obstacles):
-            return capsules
+            return capsules, skins
         if view.sees_through:
             ground = self.source.ground(np.array([frame]))[0, :, :2]
             obstacles = obstacles[~hide_avatars(obstacles, view.eye, ground)]
-        return join_capsules(capsules, obstacle_capsules(obstacles, self.source.seconds(frame)))  # type: ignore[attr-defined]
+        return add_obstacles(capsules, skins, obstacles, self.source.seconds(frame))  # type: ignore[attr-defined]
 
     def scales(self, frame: int) -> Array:
         """Return at how many pixels a metre each avatar shows at a frame, 0 where nothing of it is seen. Shape (N,)."""

@@ -11,7 +11,8 @@ from crowdsim.places.arrays import pack_parts
 from crowdsim.places.description import BoxObstacle, DiscObstacle, Door, RopesObstacle, WallObstacle
 from crowdsim.places.kernels.records import PART
 from crowdsim.render.look import Look
-from crowdsim.render.obstacles import hide_avatars, join_capsules, obstacle_capsules
+from crowdsim.render.obstacles import add_obstacles, hide_avatars
+from crowdsim.render.raycast import Capsules
 from crowdsim.render.stage import build_stage
 from crowdsim.runs.opening import read_obstacles
 from crowdsim.scenario.cameras import KINDS
@@ -21,8 +22,14 @@ WALL = WallObstacle(
 )
 
 
+NONE = Capsules(np.empty((0, 8), np.float32), np.empty((0, 4), np.float32), np.empty(0, np.int32))
+
+
 def bounds(*shapes, seconds=0.0):
-    shapes_of = obstacle_capsules(pack_parts(list(enumerate(shapes)), 1.0), seconds).shapes
+    capsules, faces = add_obstacles(NONE, None, pack_parts(list(enumerate(shapes)), 1.0), seconds)
+    if faces is not None:
+        return faces.vertices.min(axis=0), faces.vertices.max(axis=0)
+    shapes_of = capsules.shapes
     ends = shapes_of[:, :6].reshape(-1, 2, 3)
     radii = shapes_of[:, 6:, None]
     return (ends - radii).min(axis=(0, 1)), (ends + radii).max(axis=(0, 1))
@@ -31,9 +38,9 @@ def bounds(*shapes, seconds=0.0):
 @pytest.mark.parametrize(
     ("shape", "low", "high"),
     [
-        (WALL, [-2.1, -0.1, 0.9], [2.1, 2.0, 1.1]),
-        (BoxObstacle(kind="box", centre=(1.0, 2.0), size=(2.0, 0.6), height=0.9), [0.0, -0.06, 1.7], [2.0, 0.9, 2.3]),
-        (DiscObstacle(kind="disc", centre=(1.0, 2.0), radius=0.4, height=3.0), [0.6, -0.4, 1.6], [1.4, 3.0, 2.4]),
+        (WALL, [-2.1, 0.0, 0.9], [2.1, 2.0, 1.1]),
+        (BoxObstacle(kind="box", centre=(1.0, 2.0), size=(2.0, 0.6), height=0.9), [0.0, 0.0, 1.7], [2.0, 0.9, 2.3]),
+        (DiscObstacle(kind="disc", centre=(1.0, 2.0), radius=0.4, height=3.0), [0.6, 0.0, 1.6], [1.4, 3.0, 2.4]),
         (
             RopesObstacle(kind="ropes", points=((-2.0, -1.0), (-2.0, 1.0), (2.0, 1.0), (2.0, -1.0))),
             [-2.05, -0.05, -1.05],
@@ -55,19 +62,38 @@ def test_a_turned_box_is_turned_as_an_avatar_with_that_heading():
 
 def test_a_door_is_shown_until_it_opens():
     parts = pack_parts([(0, WALL)], 1.0)
-    shut, still, gap = (obstacle_capsules(parts, seconds) for seconds in (0.0, 2.99, 3.0))
+    (shut, closed), (still, _), (gap, opened) = (add_obstacles(NONE, None, parts, time) for time in (0.0, 2.99, 3.0))
     assert shut.shapes.tobytes() == still.shapes.tobytes()
-    middle = np.abs(gap.shapes[:, [0, 3]]).min()
-    assert middle == pytest.approx(0.6)
+    assert np.abs(opened.vertices[:, 0]).min() == pytest.approx(0.5)
+    assert np.abs(closed.vertices[:, 0]).min() < 0.3
     assert len(np.unique(shut.owners)) == len(np.unique(gap.owners)) + 1 == 3
 
 
+def test_faces_are_seen_instead_of_the_capsules_that_cast_their_shadows():
+    parts = pack_parts(
+        [(0, WALL), (1, RopesObstacle(kind="ropes", points=((-4.0, -4.0), (-4.0, 4.0), (4.0, 4.0))))], 1.0
+    )
+    walkers = add_obstacles(NONE, None, pack_parts([(0, WALL)], 1.0), 0.0)
+    capsules, faces = add_obstacles(*walkers, parts, 0.0)
+    hidden = np.isin(capsules.owners, faces.avatars)
+    of_ropes = capsules.owners == -2 - 3  # behind the stretches of the wall and its door
+    assert of_ropes.any()
+    assert not hidden[of_ropes].any()
+    assert hidden[capsules.owners > -5].all()
+    assert (capsules.owners[faces.homes] < 0).all()
+    assert faces.triangles.max() == len(faces.vertices) - 1
+    corners = faces.vertices[faces.triangles]
+    assert np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max() <= 0.6 + 1e-5
+    assert faces.looks.max() < len(faces.paints)
+
+
 def test_no_obstacles_are_no_capsules():
-    none = obstacle_capsules(np.zeros(0, PART), 0.0)
-    some = obstacle_capsules(pack_parts([(0, WALL)], 1.0), 0.0)
-    joined = join_capsules(some, none)
-    assert joined.shapes.shape == some.shapes.shape
+    some = add_obstacles(NONE, None, pack_parts([(0, WALL)], 1.0), 0.0)
+    joined, faces = add_obstacles(*some, np.zeros(0, PART), 0.0)
+    assert joined.shapes.shape == some[0].shapes.shape
     assert joined.owners.dtype == np.int32
+    assert faces is some[1]
+    assert add_obstacles(NONE, None, np.zeros(0, PART), 0.0)[1] is None
 
 
 def test_obstacles_are_in_the_pictures_of_run_and_of_render_alike(workplace: Path) -> None:
