@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from crowdsim.config.files import Finding
 from crowdsim.core.types import Array
 from crowdsim.places.arrays import Places, build_places, gaps_of, pack_parts
 from crowdsim.places.description import (
+    BoxObstacle,
     Obstacles,
     PlanObstacle,
     RopesObstacle,
@@ -35,6 +36,8 @@ _SAGITTA = 0.02
 _NARROWEST = 0.28
 """How far from obstacles bodies can pass [m]."""
 _MOST_SQUARES = 500_000
+_SQUARE = 0.4
+"""Width of the rows that fill solid outlines [m]: the middle of a square is at most ``CLEAR`` from all of it."""
 _PROBED = 0.5
 """How far before and behind a door there must be room [m]."""
 _LEAST_WIDTH = 0.6
@@ -93,6 +96,26 @@ def pack_obstacles(scenario: Scenario, rate: float | None) -> Array:
     return pack_parts(shapes, rate) if shapes else np.zeros(0, PART)
 
 
+def fill_solids(shapes: Sequence[tuple[int, Shape]]) -> Array:
+    """Return boxes inside of solid outlines, which leave no room beyond ``CLEAR`` of these. Shape (n,), ``PART``."""
+    boxes: list[tuple[int, Shape]] = []
+    for number, shape in shapes:
+        if not isinstance(shape, SolidObstacle):
+            continue
+        low, high = np.min(shape.points, axis=0), np.max(shape.points, axis=0)
+        xs, zs = (np.arange(low[axis] + _SQUARE / 2, high[axis], _SQUARE) for axis in (0, 1))
+        inside = _solids_at([(number, shape)], np.stack(np.meshgrid(xs, zs), axis=-1).reshape(-1, 2)) > BORDER
+        for z, row in zip(zs, inside.reshape(len(zs), len(xs)), strict=True):
+            ends = np.flatnonzero(np.diff(np.concatenate([[False], row, [False]])))
+            for first, stop in ends.reshape(-1, 2):
+                wide = float(_SQUARE * (stop - first))
+                centre = float(xs[first]) + (wide - _SQUARE) / 2, float(z)
+                boxes.append((number, BoxObstacle.model_construct(
+                    kind="box", centre=centre, size=(wide, _SQUARE), rotation=0.0, height=1.0
+                )))  # fmt: skip
+    return pack_parts(boxes, 1.0) if boxes else np.zeros(0, PART)
+
+
 def obstacle_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]], x: Array, z: Array) -> list[Finding]:
     """Return what is wrong with obstacles and the positions of avatars at the start (N,)."""
     if not shapes:
@@ -100,7 +123,8 @@ def obstacle_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]], x
     places = build_places(pack_parts(shapes, 1.0), with_ways=False)
     findings = _start_findings(scenario, shapes, places, x, z)
     findings += _door_findings(scenario, shapes)
-    return findings or _enclosed_findings(scenario, places, x, z)
+    findings += _path_findings(scenario, shapes)
+    return findings or _enclosed_findings(scenario, _Regions(places), x, z)
 
 
 def _key(scenario: Scenario, number: int) -> tuple[str | int, ...]:
@@ -196,6 +220,37 @@ def _is_inside(corners: Sequence[tuple[float, float]], points: Array) -> Array:
     return inside
 
 
+def _paths(scenario: Scenario) -> Iterator[tuple[tuple[str | int, ...], Sequence[tuple[float, float]]]]:
+    """Yield where each path is in a scenario, and its points."""
+    for i, group in enumerate(scenario.groups):
+        if group.enter is not None:
+            yield ("groups", i, "enter", "path"), group.enter.path
+    for i, event in enumerate(scenario.events):
+        if event.kind == "leave":
+            yield ("events", i, "path"), event.path
+
+
+def _path_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]]) -> list[Finding]:
+    """Return a finding for each point of a path that is in or near an obstacle; doors count as open."""
+    parts = pack_parts(shapes, 1.0)
+    places = build_places(parts[parts["kind"] != DOOR], with_ways=False)
+    findings = []
+    for key, path in _paths(scenario):
+        points = np.array(path, float)
+        solid = _solids_at(shapes, points)
+        gaps = np.where(solid > BORDER, -CLEAR, gaps_of(places, points, 0.0))
+        for i in np.flatnonzero(gaps < CLEAR - 1e-6).tolist():
+            number = int(solid[i]) if solid[i] > BORDER else _nearest_obstacle(places, points[i])
+            how = f"{gaps[i]:.2f} m from" if gaps[i] > 0.0 else "inside"
+            what = (
+                f"{points[i, 0]:g}, {points[i, 1]:g} is {how} {_words(scenario, number)}, expected {CLEAR} m or more "
+            )
+            free = _nearest_free(shapes, places, points[i])
+            what += "from all" + ("" if free is None else f", such as {free[0]:.2f}, {free[1]:.2f}")
+            findings.append(Finding((*key, i), what))
+    return findings
+
+
 def _door_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]]) -> list[Finding]:
     """Return a finding for each door that is narrow across a corner, or leads into an obstacle."""
     walls = [(number, shape) for number, shape in shapes if isinstance(shape, WallObstacle) and shape.doors]
@@ -233,30 +288,41 @@ def _door_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]]) -> l
     return findings
 
 
-def _enclosed_findings(scenario: Scenario, places: Places, x: Array, z: Array) -> list[Finding]:
-    """Return a finding for each group that walls close in, apart from all avatars that it could fight.
+class _Regions:
+    """Stretches of ground that no way joins; doors that ever open count as open."""
 
-    Doors that ever open count as open.
-    """
-    from scipy import ndimage
+    def __init__(self, places: Places) -> None:
+        from scipy import ndimage
 
-    parts = places.parts.copy()
-    parts["opens"][np.isfinite(parts["opens"])] = -math.inf
-    parts["closes"] = math.inf
-    grid = places.grid
-    wide, deep = grid.columns * grid.size, grid.rows * grid.size
-    size = max(0.1, math.sqrt(wide * deep / _MOST_SQUARES))
-    columns, rows = int(wide / size) + 1, int(deep / size) + 1
-    xs, zs = grid.x + (np.arange(columns) + 0.5) * size, grid.z + (np.arange(rows) + 0.5) * size
-    squares = np.stack(np.meshgrid(xs, zs), axis=-1).reshape(-1, 2)
-    # A gap that bodies fit through is a few squares wide, however these lie.
-    room = _NARROWEST - 0.5 * size
-    free = gaps_of(places._replace(parts=parts), squares, 0.0).reshape(rows, columns) > room
-    labels, _ = ndimage.label(free, np.ones((3, 3), int))
-    column, row = ((x - grid.x) / size).astype(int), ((z - grid.z) / size).astype(int)
-    beyond = (column < 0) | (row < 0) | (column >= columns) | (row >= rows)
-    region = labels[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
-    region[beyond] = labels[0, 0]  # the corners of the grid are open ground
+        parts = places.parts.copy()
+        parts["opens"][np.isfinite(parts["opens"])] = -math.inf
+        parts["closes"] = math.inf
+        grid = places.grid
+        wide, deep = grid.columns * grid.size, grid.rows * grid.size
+        size = max(0.1, math.sqrt(wide * deep / _MOST_SQUARES))
+        columns, rows = int(wide / size) + 1, int(deep / size) + 1
+        xs, zs = grid.x + (np.arange(columns) + 0.5) * size, grid.z + (np.arange(rows) + 0.5) * size
+        squares = np.stack(np.meshgrid(xs, zs), axis=-1).reshape(-1, 2)
+        # A gap that bodies fit through is a few squares wide, however these lie.
+        room = _NARROWEST - 0.5 * size
+        free = gaps_of(places._replace(parts=parts), squares, 0.0).reshape(rows, columns) > room
+        self._labels, _ = ndimage.label(free, np.ones((3, 3), int))
+        self._grid, self._size = grid, size
+        self.count = int(self._labels.max()) + 1
+
+    def at(self, x: Array, z: Array) -> Array:
+        """Return the number of the region of each point (n,). Shape (n,)."""
+        rows, columns = self._labels.shape
+        column, row = ((x - self._grid.x) / self._size).astype(int), ((z - self._grid.z) / self._size).astype(int)
+        beyond = (column < 0) | (row < 0) | (column >= columns) | (row >= rows)
+        region = np.asarray(self._labels[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)])
+        region[beyond] = self._labels[0, 0]  # the corners of the grid are open ground
+        return region
+
+
+def _enclosed_findings(scenario: Scenario, regions: _Regions, x: Array, z: Array) -> list[Finding]:
+    """Return a finding for each group that no way leads to avatars that it could fight, and for each path likewise."""
+    region = regions.at(x, z)
     starts = np.concatenate([[0], np.cumsum([group.count for group in scenario.groups])])
     names: list[str] = []
     for group in scenario.groups:  # rows of a table may name teams of their own
@@ -276,7 +342,7 @@ def _enclosed_findings(scenario: Scenario, places: Places, x: Array, z: Array) -
             elif isinstance(opponents, FixedOpponents):
                 others = np.repeat([one.name == opponents.group for one in scenario.groups], np.diff(starts))
             some = mine[team[mine] == own]
-            count = np.bincount(region[others], minlength=int(labels.max()) + 1)
+            count = np.bincount(region[others], minlength=regions.count)
             closed += np.count_nonzero(count[region[some]] - others[some] <= 0)
             has_opponents |= bool(others.sum() > others[some[0]])
         if closed == len(mine) and has_opponents:
@@ -284,4 +350,16 @@ def _enclosed_findings(scenario: Scenario, places: Places, x: Array, z: Array) -
             what = f"obstacles close the group in at {x[one]:.2f}, {z[one]:.2f}: no way leads to an opponent of any of "
             what += f"its avatars, expected a gap or a door of {2 * CLEAR:g} m or more"
             findings.append(Finding(("groups", index, "placement"), what))
+    for key, path in _paths(scenario):
+        here = regions.at(*np.array(path, float).T)
+        for i in np.flatnonzero(here[1:] != here[:-1])[:1].tolist():
+            (ax, az), (bx, bz) = path[i], path[i + 1]
+            what = f"obstacles part {bx:g}, {bz:g} from {ax:g}, {az:g} before it, expected a gap or a door of "
+            findings.append(Finding((*key, i + 1), f"{what}{2 * CLEAR:g} m or more"))
+        named = scenario.events[int(key[1])].group if key[0] == "events" else None
+        for index, group in enumerate(scenario.groups) if key[0] == "events" and not findings else ():
+            is_meant = named is None or group.name == named
+            if is_meant and (region[starts[index] : starts[index + 1]] != here[0]).all():
+                what = f"obstacles part {path[0][0]:g}, {path[0][1]:g} from where {group.name} begins, expected a gap "
+                findings.append(Finding((*key, 0), f"{what}or a door of {2 * CLEAR:g} m or more"))
     return findings

@@ -6,7 +6,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.kernels.placement import Disc, Squares, first_conflict, insert_points, throw_darts
-from crowdsim.crowd.obstacles import obstacle_findings, scenario_shapes
+from crowdsim.crowd.obstacles import fill_solids, obstacle_findings, scenario_shapes
 from crowdsim.crowd.placement_points import read_points
 from crowdsim.crowd.random import Purpose, stream, uniform
 from crowdsim.places.arrays import Places, build_places, pack_parts
@@ -41,7 +41,8 @@ def place_groups(scenario: Scenario) -> Array:
     placed = np.empty((3, int(starts[-1])))
     x, z, headings = placed
     shapes = scenario_shapes(scenario)
-    places = build_places(pack_parts(shapes, 1.0) if shapes else np.zeros(0, PART), with_ways=False)
+    parts = pack_parts(shapes, 1.0) if shapes else np.zeros(0, PART)
+    places = build_places(np.concatenate([parts, fill_solids(shapes)]), with_ways=False)
     for i in range(len(groups)):
         start, stop = int(starts[i]), int(starts[i + 1])
         _place(scenario, i, start, stop, x, z, headings, places)

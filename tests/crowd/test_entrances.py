@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from naive_places import gap_to
 from scenes import crowdsim, scene, write_scene
 from test_simulation import bytes_of
 from test_state import through_a_file
@@ -22,6 +23,8 @@ from crowdsim.crowd.kernels.travelling import AHEAD, see_way
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.travelling import ARRIVED, GONE, defend_travellers, set_out, travel_on
+from crowdsim.places.arrays import pack_parts
+from crowdsim.places.description import WallObstacle
 from crowdsim.policy.bundle import load_policy
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.store import open_take
@@ -321,7 +324,7 @@ def test_a_traveller_sees_its_way_ahead_and_prefers_actions_at_its_pace_without_
     own = int(avatars.slot_of[2])
     avatars.x[own], avatars.z[own] = 0.5, -4.0
     alone = Observed(np.full(1, -1, np.int32), np.zeros(1, np.int32), np.zeros((1, 12), np.int32))
-    target = see_way(model, avatars, own, alone, 0)
+    target = see_way(model, avatars, simulation._world, 0.0, own, alone, 0)
     there = np.array([0.5, -4.0]) + AHEAD * scale * np.array([-0.5, 1.0]) / np.hypot(0.5, 1.0)
     np.testing.assert_allclose([target.x, target.z], there, atol=1e-6)
     assert avatars.fight["next_opponent"][own] == -1
@@ -341,6 +344,19 @@ def test_a_traveller_sees_its_way_ahead_and_prefers_actions_at_its_pace_without_
     avatars.conditions["does_next"][2], scratch.values[0] = layout.FIGHTS, 0.0
     keep_pace(model, avatars, simulation._world, simulation._now, own, alone, 0, scratch)
     assert not scratch.values[0].any()
+
+
+def test_travellers_go_around_walls_that_are_in_their_way(policies):
+    wall = [{"kind": "wall", "points": [[-1.6, -4.5], [1.0, -4.5]]}]
+    chunk = Simulation(drawn(policies, obstacles=wall)).run(FRAMES)
+    (part,) = pack_parts([(0, WallObstacle.model_validate(wall[0]))], None)
+    for i in (2, 3, 4):
+        there = is_there(chunk)[:, i]
+        x, z = chunk.x[there, i], chunk.z[there, i]
+        assert min(gap_to(part, *point) for point in zip(x, z, strict=True)) > 0.1
+    first = np.column_stack([chunk.x[:, 2], chunk.z[:, 2]])
+    assert first[np.argmin(np.abs(first[:, 1] + 4.5)), 0] > 1.0
+    assert np.hypot(*(first - END).T).min() < 1.0
 
 
 def busy(policies) -> Crowd:

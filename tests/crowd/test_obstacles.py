@@ -131,6 +131,31 @@ def test_starts_in_walls_are_refused_with_a_place_that_is_free(tmp_path):
     )
 
 
+def test_paths_into_obstacles_and_through_them_are_refused(tmp_path):
+    room = {"kind": "wall", "points": [[-3, 6], [3, 6], [3, 9], [-3, 9]], "closed": True}
+    leave = {"kind": "leave", "group": "blue", "when": {"kind": "frame", "frame": 9}}
+
+    def said(path, obstacle=room, **keys):
+        return refusal(tmp_path, [obstacle], events=[{**leave, "path": path}], **keys)
+
+    assert said([[0, 4], [0, 6.1]]) == (
+        "t: events[0].path[1]: 0, 6.1 is inside obstacles[0], expected 0.3 m or more from all, such as 0.00, 6.50"
+    )
+    assert said([[0, 4], [0, 7.5]]) == (
+        "t: events[0].path[1]: obstacles part 0, 7.5 from 0, 4 before it, expected a gap or a door of 0.6 m or more"
+    )
+    assert said([[0, 7.5]]) == (
+        "t: events[0].path[0]: obstacles part 0, 7.5 from where blue begins, expected a gap or a door of 0.6 m or more"
+    )
+    groups = [
+        {"name": "red", "team": "red", "type": "a", "count": 1, "placement": {"kind": "points", "points": [[0, 0]]}},
+        {"name": "blue", "team": "blue", "type": "a", "count": 1, "enter": {"path": [[0, 5], [0, 7.5], [0, 2]]}},
+    ]
+    assert "t: groups[1].enter.path[1]: obstacles part 0, 7.5 from 0, 5" in refusal(tmp_path, [room], groups=groups)
+    door = {**room, "doors": [{"at": 3, "width": 1.2, "opens": 9}]}
+    place_groups(scenario(tmp_path, [door], events=[{**leave, "path": [[0, 4], [0, 7.5]]}]))
+
+
 def test_starts_outside_of_ropes_are_refused_and_a_solid_arena_is_of_ropes(tmp_path):
     ropes = {"kind": "ropes", "points": [[-2, -2], [-2, 4], [2, 4], [2, -2]]}
     message = "t: groups[1].placement: 1 of 1 avatars start outside of ropes, blue_0; blue_0 at 0.00, 5.00, expected "
@@ -258,6 +283,29 @@ def test_starts_inside_of_solid_outlines_are_refused_but_not_in_their_holes(tmp_
         placed([outer, hole], (5, 0))
     )
     place_groups(placed([outer, hole]))
+
+
+def test_avatars_are_thrown_around_solid_outlines_and_into_their_holes(tmp_path):
+    outer = np.array([[-6, -6], [6, -4], [5, 5], [0, 2], [-6, 6]])
+    hole = np.array([[-4, -4], [2, -3], [2, 0], [-4, 0]])
+    rings = [[*ring.tolist(), ring[0].tolist()] for ring in (outer, hole)]
+    (tmp_path / "plan.geojson").write_text(json.dumps({"type": "Polygon", "coordinates": rings}))
+    group = {"name": "all", "type": "a", "count": 120, "placement": {"kind": "disc", "radius": 10, "distance": 0.6}}
+    data = {"version": 1, "name": "s", "duration": 15, "types": {"a": {}}, "groups": [group]}
+    (tmp_path / "s.yaml").write_text(json.dumps({**data, "obstacles": {"file": "plan.geojson"}}))
+    x, z, _ = place_groups(load_scenario(tmp_path / "s.yaml", policies=["boxer"]))
+    held = 0
+    for point in np.column_stack([x, z]):
+        in_outer, in_hole = (abs(turns_around(ring, point)) > 0.5 for ring in (outer, hole))
+        assert in_hole or not in_outer
+        held += in_hole
+    assert held
+
+
+def turns_around(ring, point):
+    """How many times a ring goes around a point."""
+    way = (ring - point) @ np.array([1, 1j])
+    return np.angle(np.roll(way, -1) / way).sum() / (2 * np.pi)
 
 
 def refusal_of(one):

@@ -49,7 +49,7 @@ def observe(model, avatars, world, now, due, count, observed, scratch):
             if down:
                 avatars.fight[own].next_opponent, seen = -1, False
             elif travels(avatars, own):
-                opponent, target, seen = -1, see_way(model, avatars, own, observed, q), True
+                opponent, target, seen = -1, see_way(model, avatars, world, now.frame, own, observed, q), True
             else:
                 other = opponent if seen else -1
                 target = see_by_intent(model, avatars, world, now, own, other, target, observed, q)

@@ -2,6 +2,7 @@
 
 import math
 
+from crowdsim.crowd.kernels.hidden import way_to
 from crowdsim.crowd.kernels.layout import TRAVELS, Target
 from crowdsim.crowd.kernels.obstacle_steering import go_around
 from crowdsim.jit import kernel
@@ -17,15 +18,16 @@ def travels(avatars, i):
 
 
 @kernel(inline=True)
-def see_way(model, avatars, own, observed, q):
-    """Decide that an avatar travels on, without an opponent; return the point to which it goes, around bodies."""
+def see_way(model, avatars, world, frame, own, observed, q):
+    """Decide that an avatar travels on, without an opponent; return where it goes, around obstacles and bodies."""
     row = avatars.conditions[avatars.number[own]]
     row.does_next = TRAVELS
     avatars.fight[own].next_opponent = -1
     x, z, size = avatars.x[own], avatars.z[own], avatars.playback[own].scale
-    dx, dz = row.way_x - x, row.way_z - z
+    way = Target(row.way_x, LOOKS * size, row.way_z, 0.0, 0.0, 0.0)
+    if world.places.parts.shape[0] > 0:
+        way = way_to(world.places, frame, x, z, way)
+    dx, dz = way.x - x, way.z - z
     far = max(math.sqrt(dx * dx + dz * dz), 1e-6)
     part = max(AHEAD * size / far, 1.0)
-    return go_around(
-        model, avatars, own, Target(x + part * dx, LOOKS * size, z + part * dz, 0.0, 0.0, 0.0), observed, q
-    )
+    return go_around(model, avatars, own, Target(x + part * dx, way.y, z + part * dz, 0.0, 0.0, 0.0), observed, q)
