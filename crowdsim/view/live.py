@@ -21,6 +21,7 @@ from crowdsim.crowd.chunk import Frame
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.events import VARIABLES, Events
 from crowdsim.crowd.record import TakeData
+from crowdsim.motion import quaternion
 from crowdsim.poses.layer import Layer, Scheduler
 from crowdsim.poses.layers import LAYERS
 from crowdsim.poses.layers.fists import Fists
@@ -40,6 +41,8 @@ ROWS = 2
 """Poses in a control frame; the player interpolates between them."""
 WITHOUT = frozenset({"separation", "deflection", "second deflection"})
 """Layers that live poses do without."""
+_STIFFNESS, _FURTHEST = 20.0, 0.6
+"""How fast offsets of poses die away [1/s], and the greatest that is no jump to another place [m]."""
 _WINDOW = 45
 """Control frames that live poses look back on; reactions to hits last no longer than that."""
 
@@ -96,6 +99,52 @@ class Played(Protocol):
         """Let a target be at a point from the next control frame on [m]."""
 
 
+class Settled:
+    """Poses of one figure without jumps where more has become known of what avatars do.
+
+    What was shown at a time and what is known of it now differ by an offset, which dies away as a critically damped
+    spring does.
+
+    Args:
+        count: Number of avatars.
+        joints: Number of joints.
+        seconds: Times at which poses are shown, from the first one on; the last one is the first of the next poses [s].
+    """
+
+    def __init__(self, count: int, joints: int, seconds: Array) -> None:
+        self._seconds = seconds
+        # Root and rotation vectors of joints, and how fast they change.
+        self._offsets = np.zeros((count, joints + 1, 3))
+        self._speeds = np.zeros((count, joints + 1, 3))
+        self._before: tuple[Array, Array] | None = None
+
+    def settle(self, roots: Array, rotations: Array) -> tuple[Array, Array]:
+        """Return poses as they are shown at all times but the last.
+
+        Args:
+            roots: Root positions as they are known now [m]. Shape (T, n, 3).
+            rotations: Local rotations. Shape (T, n, J, 4).
+        """
+        if self._before is not None:
+            gaps = self._before[0] - roots[0]
+            turned = quaternion.multiply(self._before[1], quaternion.conjugate(rotations[0]))
+            held = quaternion.from_rotation_vector(self._offsets[:, 1:])
+            turns = quaternion.to_rotation_vector(quaternion.multiply(held, turned))
+            offsets = np.concatenate([(self._offsets[:, 0] + gaps)[:, None], turns], axis=1)
+            # Those that have come or gone, or are somewhere else at once, begin anew.
+            anew = ~(np.isfinite(offsets).all(axis=(1, 2)) & (np.linalg.norm(gaps, axis=-1) < _FURTHEST))
+            self._offsets, self._speeds[anew] = np.where(anew[:, None, None], 0.0, offsets), 0.0
+        self._before = roots[-1], rotations[-1]
+        rise = self._speeds + _STIFFNESS * self._offsets
+        shown = [(self._offsets + rise * time) * np.exp(-_STIFFNESS * time) for time in self._seconds]
+        last = self._seconds[-1]
+        self._speeds = (self._speeds - rise * _STIFFNESS * last) * np.exp(-_STIFFNESS * last)
+        self._offsets = shown[-1]
+        moved = np.stack(shown[:-1])
+        turns = quaternion.from_rotation_vector(moved[:, :, 1:])
+        return roots[:-1] + moved[:, :, 0], quaternion.multiply(turns, rotations[:-1])
+
+
 class NearFists(Fists):
     """Fists that touch bodies as these are without fists of their own, which saves posing further avatars."""
 
@@ -129,6 +178,11 @@ class LivePoses:
         self._kinds = tuple(kept.get(kind, kind) for kind in LAYERS)
         self._policies = np.unique(crowd.cast.policies)
         self._owners = [np.flatnonzero(crowd.cast.policies == index) for index in self._policies]
+        seconds = np.arange(ROWS + 1) / ROWS / crowd.rate
+        self._settled = [
+            Settled(len(owners), self._motions[index].skeleton.joint_count, seconds)
+            for index, owners in zip(self._policies.tolist(), self._owners, strict=True)
+        ]
 
     def add(self, frame: Frame) -> None:
         """Add the control frame that has just been simulated."""
@@ -144,19 +198,20 @@ class LivePoses:
         return self._frames[-1 - LAG]
 
     def poses(self) -> list[tuple[Array, Array]]:
-        """Return ``ROWS`` poses from the frame that is shown now on, before the next one.
+        """Return ``ROWS`` poses from the frame that is shown now on, before the next one; once for each frame.
 
         For each policy that has avatars, in order, roots (ROWS, n, 3) [m] and local rotations (ROWS, n, J, 4), NaN of
         those that are absent.
         """
         take = self._take()
         count, first = self._crowd.count, self._frames[0].number
-        times = (self.shown - first + np.arange(ROWS) / ROWS) / self._crowd.rate
+        # The last one is what is known now of the first of the next frame.
+        times = (self.shown - first + np.arange(ROWS + 1) / ROWS) / self._crowd.rate
         there = np.flatnonzero(self.frame().action >= 0)
         found = [
             (
-                np.full((ROWS, len(owners), 3), np.nan, np.float32),
-                np.full((ROWS, len(owners), self._motions[index].skeleton.joint_count, 4), np.nan, np.float32),
+                np.full((ROWS + 1, len(owners), 3), np.nan, np.float32),
+                np.full((ROWS + 1, len(owners), self._motions[index].skeleton.joint_count, 4), np.nan, np.float32),
             )
             for index, owners in zip(self._policies.tolist(), self._owners, strict=True)
         ]
@@ -168,7 +223,7 @@ class LivePoses:
             roots, rotations = found[int(np.searchsorted(self._policies, block.part.policy))]
             some = columns[there[block.which]]
             roots[:, some], rotations[:, some] = block.poses
-        return found
+        return [settled.settle(*one) for settled, one in zip(self._settled, found, strict=True)]
 
     def _take(self) -> TakeData:
         """Return the last control frames as a take of their own."""
