@@ -21,6 +21,7 @@ from crowdsim.commands.exporting import export, with_outputs
 from crowdsim.commands.inspecting import inspect
 from crowdsim.commands.motion import perform
 from crowdsim.commands.packing import pack
+from crowdsim.commands.playing import play
 from crowdsim.commands.process import describe_failure, leave_in_time, shown
 from crowdsim.commands.profiling import profile
 from crowdsim.commands.rendering import render
@@ -78,6 +79,7 @@ for _command in (
     export,
     render,
     view,
+    play,
     report,
     profile,
     validate,

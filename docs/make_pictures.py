@@ -4,8 +4,8 @@
 
 ``animation`` is the animated picture of the brawl (``brawl_30.webp``), ``thumbnails`` a picture of every shipped
 scenario, ``performer`` the moves of the embedded boxer, ``scaling`` the cost of control by the number of avatars,
-``player`` the player in a browser, which needs Chromium; without a name all are made. Scenarios of real capture need
-CROWDSIM_MOCAP and are left out without it; policies that are missing are trained.
+``player`` the player in a browser and ``play`` what it plays live, which need Chromium; without a name all are made.
+Scenarios of real capture need CROWDSIM_MOCAP and are left out without it; policies that are missing are trained.
 """
 
 from __future__ import annotations
@@ -126,12 +126,46 @@ def make_player() -> None:
             picture.convert("RGB").save(DOCS / "player.webp", quality=82, method=6)
 
 
+def make_play() -> None:
+    """Draw a boxer that strikes at a target that was dragged."""
+    sys.path.append(str(ROOT / "benchmarks"))
+    from _chromium import Browser
+
+    command = [sys.executable, "-m", "crowdsim.cli", "play", "boxer", "--no-open"]
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        subprocess.Popen(
+            [*command, "--out", str(Path(folder) / "run")], stdout=subprocess.PIPE, text=True, cwd=ROOT
+        ) as process,
+    ):
+        assert process.stdout is not None
+        try:
+            with Browser((1280, 760)) as browser:
+                browser.shown(process.stdout.readline().strip())
+                place = {"do": "drag", "target": 0, "x": 0.6, "y": 1.5, "z": 1.6}
+                browser.evaluate(f"crowdsimPlayer.recording.send({place})")
+                browser.wait("crowdsimPlayer.counts?.landed > 2")
+                # A frame in which the fist is at the target.
+                browser.wait(
+                    "crowdsimPlayer.facts.landed.some(i => Math.abs(crowdsimPlayer.scene.tables.strike_time[i]"
+                    " - crowdsimPlayer.time - 0.1) < 0.1)"
+                )
+                browser.evaluate("crowdsimPlayer.play(false)")
+                browser.settle()
+                (Path(folder) / "play.png").write_bytes(browser.screenshot())
+        finally:
+            process.terminate()
+        with Image.open(Path(folder) / "play.png") as picture:
+            picture.convert("RGB").save(DOCS / "play.webp", quality=82, method=6)
+
+
 PICTURES = {
     "animation": make_animation,
     "thumbnails": make_thumbnails,
     "performer": make_performer,
     "scaling": make_scaling,
     "player": make_player,
+    "play": make_play,
 }
 
 

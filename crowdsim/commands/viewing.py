@@ -21,6 +21,7 @@ from crowdsim.errors import CrowdsimError
 
 if TYPE_CHECKING:
     from crowdsim.view.recording import Recording
+    from crowdsim.view.server import Server
 
 
 def view(
@@ -61,7 +62,9 @@ def view(
                 size = write_page(html, recording, force, threads, bars)
             say(f"{html}: {size_text(size)}")
         else:
-            _serve(recording, host, port or 0, not no_open)
+            from crowdsim.view.server import LOOPBACK, open_server
+
+            serve(open_server(recording, host or LOOPBACK, port or 0), host, not no_open)
 
 
 @contextmanager
@@ -86,10 +89,14 @@ def _recording(
         yield run.recording(avatars, frames, fps or VIEW_FPS, threads)
 
 
-def _serve(recording: Recording, host: str | None, port: int, opens: bool) -> None:
-    from crowdsim.view.server import LOOPBACK, open_server
+def serve(server: Server, host: str | None, opens: bool) -> None:
+    """Answer requests until a signal comes; print the address, and open it in a browser.
 
-    server = open_server(recording, host or LOOPBACK, port)
+    Args:
+        server: The server.
+        host: Where it listens, as the user says; this machine when None.
+        opens: Whether a browser is opened.
+    """
     if host is not None and not _is_loopback(host):
         note(f"warning: whoever reaches this machine at {host} and has the address sees this; it is not encrypted")
     # The address is the result, also where nothing else is said.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -19,11 +18,13 @@ from crowdsim.crowd.placement import groups_of_avatars, place_groups, teams_of_a
 from crowdsim.crowd.plan import (
     attackers_of,
     hysteresis_of,
+    interval_of,
     plan_changes,
     plan_end,
     plan_entries,
     plan_path,
     plan_travels,
+    reaction_of,
     set_opponents,
     weights_of,
 )
@@ -115,7 +116,7 @@ def draw_crowd(scenario: Scenario, policies: Sequence[Policy], placed: Array | N
         seed=scenario.seed,
         conditioned=is_conditioned(scenario),
         temperaments=temperaments_of(scenario, types, drawn["tempo"], drawn["aggression"], drawn["range"]),
-        targets=tuple(map(plan_path, scenario.targets.values())),
+        targets=tuple(plan_path(target, rate) for target in scenario.targets.values()),
         travels=plan_travels(scenario, rate),
         entries=plan_entries(scenario),
         until=plan_end(scenario.until, scenario.linger),
@@ -189,9 +190,11 @@ def _preferences(scenario: Scenario, policies: Sequence[Policy], cohorts: Array,
         "most": np.array([kind.candidates.maximum for kind in kinds], np.int32),
         "temperatures": np.array([kind.temperature for kind in kinds]),
         "hysteresis": np.array([hysteresis_of(group.opponents) for group in groups]),
-        "intervals": np.array([0.0 if kind.tempo is None else 60.0 * rate / middle(kind.tempo) for kind in kinds]),
+        "intervals": np.array(
+            [interval_of(None if kind.tempo is None else middle(kind.tempo), rate) for kind in kinds]
+        ),
         "varieties": np.array([kind.variety for kind in kinds]),
-        "reactions": np.array([math.ceil(round(kind.reaction * rate, 6)) for kind in kinds]),
+        "reactions": np.array([reaction_of(kind.reaction, rate) for kind in kinds]),
         "rules": np.array(rules, dtype=float),
     }
 
@@ -238,6 +241,7 @@ def unlearned_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]
                 for group in scenario.groups
                 if event.group in (None, group.name)
                 for name in group.types
+                if event.type in (None, name)
             }
             for policy in concerned:
                 check(("events", index, "behaviours"), event.behaviours, policy)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.cast import Cast
 from crowdsim.crowd.crowd import ANYONE, SCRIPTED, Crowd
 from crowdsim.crowd.kernels.layout import FIGHTS, FLEES, RESTS, WATCHES
-from crowdsim.crowd.script import Change, CirclePath, End, LinePath, TargetPath, Travel
+from crowdsim.crowd.script import Change, CirclePath, End, KeyPath, LinePath, TargetPath, Travel
 from crowdsim.crowd.triggers import AtFrame, Downs, Ended, HealthBelow, Landed, LandedOn, Near, Trigger
 from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.scenario.events import (
@@ -27,6 +28,7 @@ from crowdsim.scenario.events import (
     HealthCondition,
     LandedOnCondition,
     LeaveEvent,
+    RemoveEvent,
     RestEvent,
     RetargetEvent,
     SecondsCondition,
@@ -41,6 +43,7 @@ from crowdsim.scenario.groups import (
     AnyoneOpponents,
     CircleTarget,
     FixedOpponents,
+    KeysTarget,
     Opponents,
     OtherTeamOpponents,
     Target,
@@ -67,6 +70,12 @@ def plan_changes(scenario: Scenario, crowd: Crowd, cohorts: Array) -> tuple[Chan
     ]
     travels = itertools.count(int(np.count_nonzero(crowd.entries >= 0)))
     return (*enter, *(_change(scenario, crowd, cohorts, event, travels) for event in scenario.events))
+
+
+def plan_change(scenario: Scenario, crowd: Crowd, event: Event) -> Change:
+    """Return an event that was not planned as a change of a crowd; it lets nobody leave along a path."""
+    cohorts = np.unique(np.stack([crowd.group, crowd.cast.types], axis=1), axis=0)
+    return _change(scenario, crowd, cohorts, event, iter(()))
 
 
 def plan_travels(scenario: Scenario, rate: float) -> tuple[Travel, ...]:
@@ -101,6 +110,16 @@ def weights_of(policy: Policy, given: dict[str, float], width: int, others: floa
     """Return weights of a policy's behaviours in its order, ``others`` for those not named and up to ``width``."""
     result = [given.get(behaviour.name, others) for behaviour in policy.behaviours]
     return np.array(result + [others] * (width - len(result)))
+
+
+def interval_of(tempo: float | None, rate: float) -> float:
+    """Return how long it takes to recover from a strike at a tempo [strikes/min]; 0 for none [control frames]."""
+    return 0.0 if tempo is None else 60.0 * rate / tempo
+
+
+def reaction_of(reaction: float, rate: float) -> int:
+    """Return a time to see what an opponent has decided [s] in control frames."""
+    return math.ceil(round(reaction * rate, 6))
 
 
 def hysteresis_of(opponents: Opponents | None) -> float:
@@ -158,8 +177,12 @@ def plan_end(until: WantedEnd | None, lingers: float) -> End | None:
     return End(until, lingers=lingers)
 
 
-def plan_path(target: Target) -> TargetPath:
-    """Return the path of a scripted target."""
+def plan_path(target: Target, rate: float) -> TargetPath:
+    """Return the path of a scripted target at so many control frames a second."""
+    if isinstance(target, KeysTarget):
+        before = None if target.before is None else plan_path(target.before, rate)
+        frames = [frame for frame, *_ in target.keys]
+        return KeyPath(rate, frames, [(x, y, z) for _, x, y, z in target.keys], before)
     if isinstance(target, CircleTarget):
         return CirclePath(target.radius, target.speed, target.centre, target.height)
     return LinePath(np.array(target.points, dtype=float), target.speed, target.loop, target.height)
@@ -195,16 +218,26 @@ def _change(scenario: Scenario, crowd: Crowd, cohorts: Array, event: Event, trav
     when = _when(scenario, event.when, crowd.rate)
     group = _group(scenario, event.group)
     who = (crowd.group == group) | (group < 0)
+    if isinstance(event, RetargetEvent | AddEvent | RemoveEvent) and event.member is not None:
+        who &= np.arange(crowd.count) == np.flatnonzero(who)[event.member]
     rows = (cohorts[:, 0] == group) | (group < 0)
     if isinstance(event, WeightsEvent):
+        if event.type is not None:
+            rows &= cohorts[:, 1] == list(scenario.types).index(event.type)
         kinds, names = list(scenario.types.values()), crowd.cast.policy_names
         weights = np.full(crowd.weights.shape, np.nan)
         for row in np.flatnonzero(rows):
             policy = crowd.policies[names.index(kinds[cohorts[row, 1]].policy)]
             weights[row] = weights_of(policy, event.behaviours, crowd.weights.shape[1], np.nan)
-        heat = np.where(rows, np.nan if event.temperature is None else event.temperature, np.nan)
-        defences = np.where(rows, event.behaviours.get(DEFEND, np.nan), np.nan)
-        return Change(when, weights=weights, temperatures=heat, defences=defences)
+        tempo, reaction = event.tempo, event.reaction
+        return Change(
+            when,
+            weights=weights,
+            temperatures=np.where(rows, np.nan if event.temperature is None else event.temperature, np.nan),
+            intervals=np.where(rows, np.nan if tempo is None else interval_of(tempo, crowd.rate), np.nan),
+            reactions=np.where(rows, np.nan if reaction is None else reaction_of(reaction, crowd.rate), np.nan),
+            defences=np.where(rows, event.behaviours.get(DEFEND, np.nan), np.nan),
+        )
     if isinstance(event, RetargetEvent):
         skip, fixed = crowd.skip.copy(), crowd.fixed.copy()
         set_opponents(scenario, crowd.cast, crowd.group, who, event.opponents, skip, fixed)

@@ -30,6 +30,7 @@ def on_guard(crowd: Crowd) -> Crowd:
         until=None,
         frames=crowd.pre_roll,
         parts=as_at_first(crowd.parts),
+        targets=tuple(path.at_first() for path in crowd.targets),
     )
 
 

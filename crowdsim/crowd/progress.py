@@ -134,6 +134,11 @@ class Agenda:
         self.standing: list[int] = []
         self.progress = progress
 
+    def add(self, change: Change) -> None:
+        """Plan another change, after those that are planned."""
+        self.pending.append(len(self._changes))
+        self._changes = (*self._changes, change)
+
     def until_next(self, frame: int, most: int) -> int:
         """Return how many frames can be run from ``frame`` on before something may happen, at most ``most``.
 

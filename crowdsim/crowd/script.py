@@ -19,9 +19,28 @@ class TargetPath(Protocol):
     def positions(self, seconds: Array) -> Array:
         """Return the target at given times [s] as points [m]. Shape (n, 3)."""
 
+    def at_first(self) -> TargetPath:
+        """Return the path as it is known before the run begins."""
+
+    def foreseen(self, seconds: Array, now: float) -> Array:
+        """Return the target at given times [s] as far as avatars know it at a time [s]. Shape (n, 3)."""
+
+
+class _KnownPath:
+    """A path that everyone knows beforehand."""
+
+    def at_first(self) -> TargetPath:
+        """Return the path."""
+        return self  # type: ignore[return-value]
+
+    def foreseen(self, seconds: Array, now: float) -> Array:
+        """Return the target at given times [s] as points [m]. Shape (n, 3)."""
+        positions: Array = self.positions(seconds)  # type: ignore[attr-defined]
+        return positions
+
 
 @dataclass(frozen=True)
-class CirclePath:
+class CirclePath(_KnownPath):
     """A target that moves along a circle, from +z towards +x.
 
     Attributes:
@@ -45,7 +64,7 @@ class CirclePath:
 
 
 @dataclass(frozen=True)
-class LinePath:
+class LinePath(_KnownPath):
     """A target that moves from point to point on straight lines.
 
     Attributes:
@@ -71,6 +90,57 @@ class LinePath:
             distance = np.mod(distance, along[-1])
         x, z = np.interp(distance, along, corners[:, 0]), np.interp(distance, along, corners[:, 1])
         return np.stack([x, np.full_like(x, self.height), z], axis=-1)
+
+
+@dataclass
+class KeyPath:
+    """A target that goes straight from key to key, and that keys may be added to while it is followed.
+
+    Attributes:
+        rate: Control frames a second.
+        frames: Control frames of its keys, ascending.
+        points: Where it is then [m].
+        before: How it moves before the first key.
+    """
+
+    rate: float
+    frames: list[int]
+    points: list[tuple[float, float, float]]
+    before: TargetPath | None = None
+
+    def positions(self, seconds: Array) -> Array:
+        """Return the target at given times [s] as points [m]. Shape (n, 3)."""
+        if not self.frames:
+            assert self.before is not None
+            return self.before.positions(seconds)
+        # Times of control frames are exactly at keys.
+        at = np.round(np.asarray(seconds) * self.rate, 6)
+        found = np.stack([np.interp(at, self.frames, axis) for axis in zip(*self.points, strict=True)], axis=-1)
+        if self.before is not None:
+            early = at < self.frames[0]
+            found[early] = self.before.positions(seconds[early])
+        return found
+
+    def at_first(self) -> TargetPath:
+        """Return the path as it is known before the run begins."""
+        return self.before or KeyPath(self.rate, self.frames[:1], self.points[:1])
+
+    def foreseen(self, seconds: Array, now: float) -> Array:
+        """Return the target at given times [s] where it is taken to stay where it is now. Shape (n, 3)."""
+        if self.before is not None and (not self.frames or round(now * self.rate, 6) < self.frames[0]):
+            return self.before.positions(seconds)
+        return self.positions(np.minimum(seconds, now))
+
+    def add(self, frame: int, point: tuple[float, float, float]) -> None:
+        """Let the target be at a point from a control frame on, which no key comes after; it stays put before that."""
+        if self.frames and self.frames[-1] == frame:
+            self.points[-1] = point
+            return
+        if self.frames and self.frames[-1] < frame - 1:
+            self.frames.append(frame - 1)
+            self.points.append(self.points[-1])
+        self.frames.append(frame)
+        self.points.append(point)
 
 
 @dataclass(frozen=True)
@@ -103,6 +173,8 @@ class Change:
         weights: New weights of behaviours; NaN leaves one as it is. Shape (M, B).
         temperatures: New temperatures, likewise. Shape (M,).
         defences: New weights of the behaviour ``defend``, likewise. Shape (M,).
+        intervals: New times to recover from a strike [control frames], likewise. Shape (M,).
+        reactions: New times to see what an opponent has decided [control frames], likewise. Shape (M,).
         hysteresis: New hysteresis [m], likewise. Shape (M,).
         attackers: How many may attack one avatar from now on, likewise. Shape (M,).
         who: Avatars that what follows concerns. Shape (N,), bool.
@@ -119,6 +191,8 @@ class Change:
     weights: Array | None = None
     temperatures: Array | None = None
     defences: Array | None = None
+    intervals: Array | None = None
+    reactions: Array | None = None
     hysteresis: Array | None = None
     attackers: Array | None = None
     who: Array | None = None
@@ -144,6 +218,17 @@ class End:
     kind: str
     count: int = 0
     lingers: float = LINGERS
+
+
+def seen_targets(paths: Sequence[TargetPath], first: int, known: int, count: int, rate: float) -> Array:
+    """Return where avatars take scripted targets to be in ``count`` control frames from ``first`` on [m].
+
+    In the first ``known`` of them they know where all targets are; what comes then is foreseen from the last of these.
+    Shape (count, G, 3).
+    """
+    now = np.arange(first, first + known)[-1] / rate
+    seconds = np.arange(first, first + count) / rate
+    return np.stack([path.foreseen(seconds, now) for path in paths], axis=1)
 
 
 def target_positions(paths: Sequence[TargetPath], first: int, count: int, rate: float) -> Array:

@@ -8,6 +8,7 @@ stage shared out among threads. Both give the same bytes, for any number of thre
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -37,11 +38,11 @@ from crowdsim.crowd.outcome import Outcome, find_outcome
 from crowdsim.crowd.pre_roll import on_guard, take_over
 from crowdsim.crowd.progress import LED_EVERY, Agenda, Progress
 from crowdsim.crowd.random import Purpose, stream
-from crowdsim.crowd.script import Change, target_positions
+from crowdsim.crowd.script import Change, KeyPath, seen_targets, target_positions
 from crowdsim.crowd.stages import Stages, lost_avatar
 from crowdsim.crowd.state import read_state, write_state
 from crowdsim.crowd.travelling import defend_travellers, halt, headings_of, set_out, travel_on
-from crowdsim.crowd.triggers import Ended
+from crowdsim.crowd.triggers import AtFrame, Ended
 from crowdsim.crowd.workers import Workers
 from crowdsim.errors import RunError, nearest
 from crowdsim.places.arrays import build_places
@@ -110,6 +111,8 @@ class Simulation:
         self.searches: list[str] = []
         self._profiled = profiled
         self._fresh = np.arange(self.present, dtype=np.int32)
+        # Of targets that nobody foresees each frame knows more.
+        self._follows_keys = any(isinstance(path, KeyPath) for path in crowd.targets)
         self._lingers = 0 if crowd.until is None else round(crowd.until.lingers * self.rate)
         self._stages = Stages(crowd, self.model, self.avatars, self._index, self._workers)
         self._scratch = empty_scratch(self.model, crowd.crowding.most, min(SMALL, max(crowd.count, 1)))
@@ -138,6 +141,42 @@ class Simulation:
         """Memory of the avatars and of one recorded frame, beside the policies."""
         avatars = sum(values.nbytes for values in self.avatars) + self._stages.nbytes
         return avatars + 24 * self.crowd.count + getattr(self._index, "nbytes", 0)
+
+    @property
+    def next_change(self) -> int:
+        """The first control frame whose changes have not been made yet."""
+        return self.frame + (self._changed_at == self.frame)
+
+    def change(self, change: Change) -> None:
+        """Let a change happen that was not planned; with it planned, the run would be the same.
+
+        Raises:
+            RunError: The change waits for a control frame whose changes have been made already.
+        """
+        if not isinstance(change.when, AtFrame) or change.when.frame < self.next_change:
+            raise RunError(
+                f"a change at {change.when} comes too late, expected control frame {self.next_change} or later"
+            )
+        self.crowd = replace(self.crowd, changes=(*self.crowd.changes, change))
+        self._agenda.add(change)
+
+    def move_target(self, number: int, x: float, y: float, z: float) -> int:
+        """Let a scripted target be somewhere from the next control frame on, and return that frame.
+
+        Args:
+            number: Number of the target, whose path is a ``script.KeyPath``.
+            x: Where it is [m].
+            y: Its height [m].
+            z: Where it is [m].
+
+        Raises:
+            RunError: There is no such target, or its path is fixed.
+        """
+        path = self.crowd.targets[number] if 0 <= number < len(self.crowd.targets) else None
+        if not isinstance(path, KeyPath):
+            raise RunError(f"target {number} cannot be moved, expected one whose path has keys")
+        path.add(self.frame, (x, y, z))
+        return self.frame
 
     @property
     def _now(self) -> Now:
@@ -222,7 +261,7 @@ class Simulation:
             most = frames - done
             if self.outcome is not None:
                 most = min(most, self.outcome.frame + self._lingers - self.frame)
-            step = self._agenda.until_next(self.frame, most)
+            step = 1 if self._follows_keys else self._agenda.until_next(self.frame, most)
             rows = record.rows(done, done + step)
             times = timings[done : done + step]
             if self.present <= SMALL and self._search == "auto":
@@ -284,7 +323,7 @@ class Simulation:
     def _world_at(self, first: int, frames: int) -> World:
         if not self.crowd.targets:
             return self._world._replace(targets=np.zeros((frames, 0, 3)))
-        seen = target_positions(self.crowd.targets, first, frames + layout.FORESEEN, self.rate)
+        seen = seen_targets(self.crowd.targets, first, frames, frames + layout.FORESEEN, self.rate)
         return self._world._replace(targets=seen)
 
     def _blank(self, record: Record, first: int, last: int) -> None:
@@ -327,6 +366,8 @@ class Simulation:
         for values, new in (
             (self._world.weights, change.weights),
             (self._world.cohorts["temperature"], change.temperatures),
+            (self._world.cohorts["interval"], change.intervals),
+            (self._world.cohorts["reaction"], change.reactions),
             (self._world.cohorts["hysteresis"], change.hysteresis),
             (self._world.cohorts["defence"], change.defences),
             (self._world.rules["attackers"], change.attackers),

@@ -25,7 +25,8 @@ _CONSTANT = {
 }
 """What never changes, arrays or all fields of one, but for those that may."""
 _MAY_CHANGE = {
-    "world.cohorts.temperature", "world.cohorts.hysteresis", "world.cohorts.defence", "world.rules.attackers",
+    "world.cohorts.temperature", "world.cohorts.hysteresis", "world.cohorts.defence", "world.cohorts.interval",
+    "world.cohorts.reaction", "world.rules.attackers",
 }  # fmt: skip
 _ENDLESS = {"rises", "hurt_frame"}
 """Fields of conditions that are infinite for what never was or will be."""

@@ -93,6 +93,7 @@ def _reference_findings(data: dict[str, Any], groups: list[dict[str, Any]], name
         event = _mapping(item)
         when, named = _mapping(event.get("when")), event.get("group")
         yield from _refer(("events", i, "group"), named, "group", known)
+        yield from _refer(("events", i, "type"), event.get("type"), "type", _mapping(data.get("types")))
         yield from _refer(("events", i, "when", "group"), when.get("group"), "group", known)
         yield from _refer(("events", i, "when", "to"), when.get("to"), "group", known)
         if not has_tables:
@@ -175,14 +176,17 @@ def _crowd_findings(scenario: Description) -> Iterator[Finding]:
         path = ("groups", i, "opponents") if group.opponents else ("opponents",)
         yield from _opponents_findings(crowd, i, group.opponents or scenario.opponents, path)
     everyone = range(len(scenario.groups))
-    seen: set[tuple[Opponents, str | None]] = set()
+    seen: set[tuple[Opponents, str | None, int | None]] = set()
     for j, event in enumerate(scenario.events):
-        if event.kind == "retarget" and (event.opponents, event.group) not in seen:
+        member = getattr(event, "member", None)
+        if member is not None:
+            yield from _member_findings(crowd, event.group, member, ("events", j))
+        if event.kind == "retarget" and (event.opponents, event.group, member) not in seen:
             # Many events may do the same; the first one's finding will do.
-            seen.add((event.opponents, event.group))
+            seen.add((event.opponents, event.group, member))
             of = everyone if event.group is None else crowd.indices.get(event.group, ())
             for i in of if isinstance(event.opponents, FixedOpponents) else of[:1]:
-                yield from _opponents_findings(crowd, i, event.opponents, ("events", j, "opponents"))
+                yield from _opponents_findings(crowd, i, event.opponents, ("events", j, "opponents"), member)
 
 
 def _name_findings(scenario: Description) -> Iterator[Finding]:
@@ -245,9 +249,21 @@ class _Crowd:
             self.indices.setdefault(group.name or f"group{i + 1}", []).append(i)
 
 
+def _member_findings(crowd: _Crowd, group: str | None, member: int, path: tuple[str | int, ...]) -> Iterator[Finding]:
+    """Yield a finding where an event concerns an avatar of a group that has no such avatar."""
+    if group is None:
+        yield Finding((*path, "member"), f"{show(member)}, expected the avatar's group too, as 'group'")
+    for index in crowd.indices.get(group or "", ()):
+        count = crowd.groups[index].count
+        if member >= count:
+            what = f"{show(member)}, expected an avatar of {group!r} from 0 to {count - 1}"
+            yield Finding((*path, "member"), what)
+
+
 def _opponents_findings(
-    crowd: _Crowd, group: int, opponents: Opponents, path: tuple[str | int, ...]
+    crowd: _Crowd, group: int, opponents: Opponents, path: tuple[str | int, ...], member: int | None = None
 ) -> Iterator[Finding]:
+    """Yield what is wrong with the opponents of a group, or of one member of it."""
     own = crowd.groups[group]
     if opponents.kind == "other_team" and crowd.team_count == 1:
         what = f"is 'other_team', but all avatars are of team {own.teams[0]!r}, expected a second team or kind 'anyone'"
@@ -258,13 +274,17 @@ def _opponents_findings(
     if isinstance(opponents, FixedOpponents):
         for other in crowd.indices.get(opponents.group, ()):
             count = crowd.groups[other].count
-            if other == group:
+            if other == group and member is not None and opponents.member not in (None, member):
+                # One of a group is set on another one of it.
+                if opponents.member >= count:
+                    yield Finding((*path, "member"), f"{show(opponents.member)}, expected one from 0 to {count - 1}")
+            elif other == group:
                 what = f"is {opponents.group!r}, whose own avatars would fight themselves, expected another group"
                 yield Finding((*path, "group"), what)
             elif opponents.member is not None and opponents.member >= count:
                 what = f"{show(opponents.member)}, expected an avatar of {opponents.group!r} from 0 to {count - 1}"
                 yield Finding((*path, "member"), what)
-            elif opponents.member is None and count < own.count:
+            elif opponents.member is None and count < own.count and member is None:
                 what = (
                     f"{opponents.group!r} has {count} avatars for {own.count} to fight, expected as many, or 'member'"
                 )

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from crowdsim.config.files import Fault, StrictModel
 from crowdsim.scenario.groups import Gait, Opponents, Until, check_path
-from crowdsim.scenario.parts import MAXIMUM_FRAMES, MAXIMUM_SECONDS, Name, Point, Weights
+from crowdsim.scenario.parts import MAXIMUM_FRAMES, MAXIMUM_SECONDS, TEMPOS, Name, Point, Weights
 
 
 class FrameCondition(StrictModel):
@@ -89,19 +89,37 @@ Condition = Annotated[
 ]
 
 
+Member = Annotated[
+    int | None,
+    Field(ge=0, description="Number of the one avatar in that group that it concerns, from 0; without it all of them."),
+]
+
+
 class WeightsEvent(StrictModel):
     """Other weights for behaviours."""
 
-    kind: Literal["weights"] = Field(description="Gives behaviours of a group other weights, or another temperature.")
+    kind: Literal["weights"] = Field(
+        description="Gives behaviours of a group other weights, or it another temperature, tempo or time to react."
+    )
     when: Condition = Field(description="When it happens.")
     group: Name | None = Field(default=None, description="Group that it concerns; without it everyone.")
+    type: Name | None = Field(default=None, description="Type of avatars that it concerns; without it all types.")
     behaviours: Weights = Field(default_factory=dict, description="New weights; those not named stay as they are.")
     temperature: float | None = Field(default=None, ge=0, le=100, description="New temperature.")
+    tempo: float | None = Field(
+        default=None,
+        ge=TEMPOS[0],
+        le=TEMPOS[1],
+        description="New tempo [strikes per minute]; where tempos of a type vary, its avatars keep their differences.",
+    )
+    reaction: float | None = Field(
+        default=None, ge=0, le=2, description="New time to see what an opponent has decided [s]."
+    )
 
     @model_validator(mode="after")
     def _check(self) -> WeightsEvent:
-        if not self.behaviours and self.temperature is None:
-            raise Fault("changes nothing, expected 'behaviours' or 'temperature'")
+        if not self.behaviours and self.temperature is None and self.tempo is None and self.reaction is None:
+            raise Fault("changes nothing, expected 'behaviours', 'temperature', 'tempo' or 'reaction'")
         return self
 
 
@@ -111,6 +129,7 @@ class RetargetEvent(StrictModel):
     kind: Literal["retarget"] = Field(description="Gives a group other opponents.")
     when: Condition = Field(description="When it happens.")
     group: Name | None = Field(default=None, description="Group that it concerns; without it everyone.")
+    member: Member = None
     opponents: Opponents = Field(description="Their opponents from then on.")
 
 
@@ -123,6 +142,7 @@ class AddEvent(StrictModel):
     )
     when: Condition = Field(description="When it happens.")
     group: Name = Field(description="Group that enters.")
+    member: Member = None
 
 
 class RemoveEvent(StrictModel):
@@ -131,6 +151,7 @@ class RemoveEvent(StrictModel):
     kind: Literal["remove"] = Field(description="Takes a group out of the scene.")
     when: Condition = Field(description="When it happens.")
     group: Name = Field(description="Group that leaves.")
+    member: Member = None
 
 
 class LeaveEvent(StrictModel):

@@ -13,7 +13,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 from crowdsim.config.files import Fault, Faults, Finding, StrictModel
 from crowdsim.config.findings import show
 from crowdsim.scenario.names import is_portable
-from crowdsim.scenario.parts import FARTHEST, Name, Point, Weights
+from crowdsim.scenario.parts import FARTHEST, MAXIMUM_FRAMES, Name, Point, Weights
 from crowdsim.scenario.tables import Cell, Row, TableError, at, read_table
 
 MAXIMUM_AVATARS = 10_000_000
@@ -311,6 +311,11 @@ Opponents = Annotated[
 ]
 
 
+_Metres = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]
+Key = tuple[Annotated[int, Field(ge=0, le=MAXIMUM_FRAMES)], _Metres, Annotated[float, Field(gt=0, le=10)], _Metres]
+"""Control frame, x, height and z of a target [m]."""
+
+
 class CircleTarget(StrictModel):
     """A target that moves along a circle."""
 
@@ -347,7 +352,33 @@ class PointsTarget(StrictModel):
     height: float = Field(default=1.6, gt=0, le=10, description="Height of the target, the centre of its head [m].")
 
 
-Target = Annotated[CircleTarget | PointsTarget, Field(discriminator="kind")]
+class KeysTarget(StrictModel):
+    """A target that goes from key to key, as one that was dragged."""
+
+    kind: Literal["keys"] = Field(
+        description="Goes straight from key to key, such as one dragged in `crowdsim play`; avatars do not know "
+        "beforehand where it goes."
+    )
+    keys: tuple[Key, ...] = Field(
+        min_length=1,
+        max_length=1_000_000,
+        description="Control frame, x, height and z of the target then [m]; frames ascend. It stays at the last.",
+    )
+    before: Annotated[CircleTarget | PointsTarget, Field(discriminator="kind")] | None = Field(
+        default=None,
+        description="How it moves before the first key, which avatars know; without it, it waits where that one is.",
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> KeysTarget:
+        for i in range(1, len(self.keys)):
+            if self.keys[i][0] <= self.keys[i - 1][0]:
+                what = f"is at frame {self.keys[i][0]}, expected one after {self.keys[i - 1][0]} of the key before it"
+                raise Fault(what, "keys", i)
+        return self
+
+
+Target = Annotated[CircleTarget | PointsTarget | KeysTarget, Field(discriminator="kind")]
 
 
 def _without_default(schema: dict[str, Any]) -> None:

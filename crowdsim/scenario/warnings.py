@@ -12,7 +12,16 @@ import numpy as np
 from crowdsim.config.files import Finding
 from crowdsim.errors import nearest
 from crowdsim.scenario.distributions import limits
-from crowdsim.scenario.groups import PACES, CircleTarget, Group, Opponents, TablePlacement, Target, TargetOpponents
+from crowdsim.scenario.groups import (
+    PACES,
+    CircleTarget,
+    Group,
+    KeysTarget,
+    Opponents,
+    PointsTarget,
+    TablePlacement,
+    TargetOpponents,
+)
 from crowdsim.scenario.parts import AvatarType
 
 if TYPE_CHECKING:
@@ -126,6 +135,8 @@ def speed_warnings(scenario: Scenario, statistics: Mapping[str, Mapping[str, Any
     """
     findings = []
     for name, target in scenario.targets.items():
+        if isinstance(target, KeysTarget):
+            continue
         for follower in _followers(scenario, name):
             kind = scenario.types[follower]
             report = statistics.get(kind.policy, {})
@@ -152,7 +163,7 @@ def _followers(scenario: Scenario, target: str) -> list[str]:
     return list(found)
 
 
-def _speed_to_keep_up(target: Target, kind: AvatarType, report: Mapping[str, Any]) -> float:
+def _speed_to_keep_up(target: CircleTarget | PointsTarget, kind: AvatarType, report: Mapping[str, Any]) -> float:
     """Return the highest speed of a target at which the slowest avatar of a type keeps up with it [m/s]."""
     size = limits(kind.scale)[0]
     speed = report["sustained_speed"] * size * limits(kind.speed)[0]

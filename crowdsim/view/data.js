@@ -36,9 +36,9 @@ function servedSource() {
     try {
       answer = await fetch(path, { cache: 'no-store' });
     } catch {
-      throw Error('The connection is lost: crowdsim view does not run any more.');
+      throw Error('The connection is lost: crowdsim does not run any more.');
     }
-    if (!answer.ok) throw Error(`crowdsim view: ${await answer.text()}`);
+    if (!answer.ok) throw Error(`crowdsim: ${await answer.text()}`);
     return new Uint8Array(await answer.arrayBuffer());
   }
   return { scene: () => get('scene'), block: number => get(`block/${number}`) };
@@ -154,7 +154,7 @@ async function openRecording() {
     throw Error('This is no recording that this player reads.');
   scene.figures.forEach(figure => { figure.avatars = []; });
   scene.tables.figure.forEach((figure, avatar) => scene.figures[figure].avatars.push(avatar));
-  return new Recording(source, scene);
+  return scene.live ? new LiveRecording(scene) : new Recording(source, scene);
 }
 
 // Of a table of changes with CSR offsets, the row that holds at a number for an item; -1 before the first one.

@@ -412,7 +412,7 @@ class Painter {
     for (let i = placeAfter(t.strike_time, seconds + 1e-6) - 1; i >= 0 && kinds.length < 4 * MOST_MARKS; i--) {
       const age = (seconds - t.strike_time[i]) / MARK_SECONDS;
       if (age >= 1) break;
-      places.push(...t.strike_point.subarray(3 * i, 3 * i + 3), MARK_SIZE);
+      places.push(...t.strike_point.slice(3 * i, 3 * i + 3), MARK_SIZE);
       kinds.push(age, 0.55 + 0.45 * clamp(t.strike_speed[i] / 9, 0, 1), SHAPES[outcomes[t.strike_outcome[i]]], 0);
     }
     if (!kinds.length) return;

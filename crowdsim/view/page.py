@@ -23,7 +23,7 @@ GENERATOR = b'<meta name="generator" content="crowdsim view">'
 """By this line near its begin a page is known as one of the player."""
 _BYTES, LARGEST = 60.0, 600e6
 """About how much an avatar takes in a frame, and the most that browsers load [bytes]."""
-_SCRIPTS = ("data.js", "body.js", "camera.js", "draw.js", "marks.js", "panel.js", "player.js")
+_SCRIPTS = ("data.js", "body.js", "camera.js", "draw.js", "marks.js", "panel.js", "player.js", "live.js", "start.js")
 """The program, in the order in which its parts need one another."""
 
 

@@ -25,8 +25,8 @@ class Player {
     this.start = scene.first / scene.fps;
     this.end = (scene.first + scene.frames - 1) / scene.fps;
     this.time = this.start;
-    this.crowd = new Crowd(recording);
-    this.facts = new Facts(scene);
+    this.crowd = this.makeCrowd();
+    this.facts = this.makeFacts();
     this.camera = new Camera(scene);
     this.painter = new Painter(element('picture'), this.crowd);
     this.overlay = new Overlay(element('overlay'), this.crowd, this.facts);
@@ -42,6 +42,9 @@ class Player {
     new ResizeObserver(() => this.change()).observe(element('picture'));
     requestAnimationFrame(now => this.tick(now));
   }
+
+  makeCrowd() { return new Crowd(this.recording); }
+  makeFacts() { return new Facts(this.scene); }
 
   change() { this.dirty = true; }
 
@@ -165,12 +168,15 @@ class Player {
 
   pointers() {
     const canvas = element('picture'), down = new Map();
-    let moved = 0, spread = 0;
+    let moved = 0, spread = 0, held = null;
     canvas.addEventListener('contextmenu', event => event.preventDefault());
     canvas.addEventListener('pointerdown', event => {
       canvas.setPointerCapture(event.pointerId);
       down.set(event.pointerId, [event.clientX, event.clientY]);
-      if (down.size === 1) moved = 0;
+      if (down.size === 1) {
+        moved = 0;
+        held = this.hold(event);
+      }
       spread = 0;
     });
     canvas.addEventListener('pointermove', event => {
@@ -180,6 +186,10 @@ class Player {
       down.set(event.pointerId, [event.clientX, event.clientY]);
       moved += Math.abs(dx) + Math.abs(dy);
       if (moved < 4) return;
+      if (held) {
+        held.move(event);
+        return;
+      }
       this.camera.grab(this.view);
       if (down.size > 1) {
         // Of two fingers each moves half of it; what is between them is how near the camera is.
@@ -192,7 +202,9 @@ class Player {
       this.change();
     });
     for (const name of ['pointerup', 'pointercancel']) canvas.addEventListener(name, event => {
-      if (name === 'pointerup' && down.size === 1 && moved < 4 && event.button === 0) this.select(this.pick(event));
+      if (held) held.drop();
+      else if (name === 'pointerup' && down.size === 1 && moved < 4 && event.button === 0) this.select(this.pick(event));
+      held = null;
       down.delete(event.pointerId);
       spread = 0;
     });
@@ -210,6 +222,9 @@ class Player {
       this.change();
     }, { passive: false });
   }
+
+  // What the pointer takes hold of, with what becomes of it; nothing in a recording.
+  hold() { return null; }
 
   // Moves the floor with the pointer.
   drag(dx, dy) {
@@ -343,19 +358,3 @@ class Player {
     document.documentElement.dataset.state = 'shown';
   }
 }
-
-(async () => {
-  const message = element('message');
-  try {
-    if (typeof DecompressionStream === 'undefined')
-      throw Error('This browser cannot unpack the recording; any version of Firefox, Chrome, Edge or Safari since 2023 can.');
-    const player = new Player(await openRecording());
-    player.play(!matchMedia('(prefers-reduced-motion: reduce)').matches);
-    // For programs that drive the page.
-    globalThis.crowdsimPlayer = player;
-  } catch (error) {
-    message.textContent = error.message;
-    message.hidden = false;
-    document.documentElement.dataset.state = 'failed';
-  }
-})();

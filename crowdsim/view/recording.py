@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -67,12 +67,14 @@ class Recording:
         cameras: Cameras by name, beside those that the viewer moves.
         block_seconds: Length of a block [s], where that is not too much for a large crowd. Long ones take less room,
             short ones are there sooner.
+        more: Further plain data for the player.
     """
 
     motion: Motion
     name: str
     cameras: Mapping[str, tuple[Array, dict[str, Any]]]
     block_seconds: float = 5.0
+    more: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def block_frames(self) -> int:
@@ -103,6 +105,7 @@ class Recording:
                 "track_step": _TRACK_STEP,
                 "cameras": [{"name": name, **keys} for name, (_, keys) in self.cameras.items()],
                 **document,
+                **self.more,
             },
             {**tables, **tracks},
         )

@@ -1,4 +1,4 @@
-"""The server of the player: the page, and a recording that is posed block by block while it is seen.
+"""The server of the player: the page, and a recording posed block by block while it is seen, or what is played live.
 
 It listens on this machine only, unless it is told otherwise. Its address has a token, without which nothing is
 answered; requests of other pages, and under names that others could have made mean this machine, are refused.
@@ -6,6 +6,7 @@ answered; requests of other pages, and under names that others could have made m
 
 from __future__ import annotations
 
+import asyncio
 import ipaddress
 import re
 import secrets
@@ -17,15 +18,21 @@ from typing import TYPE_CHECKING, Any
 from crowdsim.errors import CrowdsimError
 from crowdsim.view.page import embedded, page_head, program
 from crowdsim.view.recording import Recording
+from crowdsim.view.stage import Stage
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
-    from starlette.requests import Request
+    from starlette.requests import HTTPConnection, Request
     from starlette.responses import Response
+    from starlette.websockets import WebSocket
 
 LOOPBACK = "127.0.0.1"
 _BLOCK_SECONDS = 1.0
 """Length of the blocks that are posed one by one [s]."""
+_REFUSED = 1008
+"""Code with which websockets are closed that are refused."""
+_MOST_ASKED, _MOST_WAITING = 65_536, 30
+"""Most bytes of a message from a page, and most frames that wait to be sent to one."""
 _HEADERS = {
     "Cache-Control": "no-store",
     "Cross-Origin-Resource-Policy": "same-origin",
@@ -55,16 +62,16 @@ class Server:
 
         config = uvicorn.Config(
             self.app, log_level="error", access_log=False, lifespan="off", server_header=False,
-            timeout_graceful_shutdown=1,
+            timeout_graceful_shutdown=1, ws_max_size=_MOST_ASKED,
         )  # fmt: skip
         uvicorn.Server(config).run(sockets=[self.socket])
 
 
-def open_server(recording: Recording, host: str = LOOPBACK, port: int = 0) -> Server:
-    """Return a server of a recording, which listens.
+def open_server(source: Recording | Stage, host: str = LOOPBACK, port: int = 0) -> Server:
+    """Return a server of a recording, or of what is played live, which listens.
 
     Args:
-        recording: The recording.
+        source: The recording, or the stage.
         host: Address or name to listen at.
         port: Port; one that is free when 0.
 
@@ -73,19 +80,22 @@ def open_server(recording: Recording, host: str = LOOPBACK, port: int = 0) -> Se
     """
     try:
         import starlette
-        import uvicorn  # noqa: F401
+        import uvicorn
+        import websockets
     except ImportError as error:
         raise CrowdsimError(
             f"package {error.name!r} is missing, which serves the player: pip install 'crowdsim[view]'; "
-            "--html FILE writes a page without it"
+            "crowdsim view --html FILE writes a page without it"
         ) from None
     assert starlette
+    assert uvicorn
+    assert websockets
     listening = _listen(host, port)
     token = secrets.token_urlsafe(16)
     number = listening.getsockname()[1]
     shown = LOOPBACK if host in ("0.0.0.0", "::") else host
     shown = f"[{shown}]" if ":" in shown else shown
-    return Server(build_app(recording, token, host, number), listening, f"http://{shown}:{number}/{token}/")
+    return Server(build_app(source, token, host, number), listening, f"http://{shown}:{number}/{token}/")
 
 
 def _listen(host: str, port: int) -> socket.socket:
@@ -102,22 +112,21 @@ def _listen(host: str, port: int) -> socket.socket:
     return listening
 
 
-def build_app(recording: Recording, token: str, host: str, port: int) -> Starlette:
-    """Return what answers requests for a recording.
+def build_app(source: Recording | Stage, token: str, host: str, port: int) -> Starlette:
+    """Return what answers requests for a recording, or for what is played live.
 
     Args:
-        recording: The recording.
+        source: The recording, or the stage.
         token: First part of every path.
         host: Where it listens; requests name it, or this machine.
         port: Its port.
     """
     from starlette.applications import Starlette
     from starlette.responses import PlainTextResponse, Response
-    from starlette.routing import Route
+    from starlette.routing import Route, WebSocketRoute
 
-    recording = replace(recording, block_seconds=_BLOCK_SECONDS)
+    recording = source if isinstance(source, Stage) else replace(source, block_seconds=_BLOCK_SECONDS)
     posing = threading.Lock()
-    page = f"{page_head(recording.name, connects=chr(39) + 'self' + chr(39))}{embedded({})}{program()}"
 
     def checked(answer: Any) -> Any:
         def endpoint(request: Request) -> Response:
@@ -129,6 +138,9 @@ def build_app(recording: Recording, token: str, host: str, port: int) -> Starlet
         return endpoint
 
     def show(request: Request) -> Response:
+        # Some browsers take 'self' for pages alone; the name has been checked.
+        connects = f"'self' ws://{request.headers['host']}" if isinstance(source, Stage) else "'self'"
+        page = f"{page_head(source.name, connects)}{embedded({})}{program()}"
         return Response(page, media_type="text/html; charset=utf-8")
 
     def scene(request: Request) -> Response:
@@ -136,6 +148,7 @@ def build_app(recording: Recording, token: str, host: str, port: int) -> Starlet
             return Response(recording.scene(), media_type="application/octet-stream")
 
     def block(request: Request) -> Response:
+        assert isinstance(recording, Recording)
         text = request.path_params["number"]
         number = int(text) if text.isdecimal() and len(text) < 10 else recording.block_count
         if number >= recording.block_count:
@@ -146,16 +159,66 @@ def build_app(recording: Recording, token: str, host: str, port: int) -> Starlet
     def other(request: Request) -> Response:
         return PlainTextResponse("there is no such page\n", 404)
 
+    async def live(socket: WebSocket) -> None:
+        if _fault(socket, token, host, port):
+            await socket.close(_REFUSED)
+        elif isinstance(source, Stage):
+            await _play(source, socket)
+
+    blocks = Route("/{token}/block/{number}", checked(block))
     routes = [
         Route("/{token}/", checked(show)),
         Route("/{token}/scene", checked(scene)),
-        Route("/{token}/block/{number}", checked(block)),
+        WebSocketRoute("/{token}/live", live) if isinstance(source, Stage) else blocks,
         Route("/{path:path}", checked(other)),
+        WebSocketRoute("/{path:path}", _refuse),
     ]
     return Starlette(routes=routes)
 
 
-def _fault(request: Request, token: str, host: str, port: int) -> str:
+async def _refuse(socket: WebSocket) -> None:
+    await socket.close(_REFUSED)
+
+
+async def _play(stage: Stage, socket: WebSocket) -> None:
+    """Send what is played to a page, and do what it asks for, until it leaves."""
+    from starlette.websockets import WebSocketDisconnect
+
+    loop = asyncio.get_running_loop()
+    waiting: asyncio.Queue[str | bytes] = asyncio.Queue()
+
+    def put(message: str | bytes) -> None:
+        # A page that cannot keep up misses frames.
+        if waiting.qsize() < _MOST_WAITING or isinstance(message, str):
+            waiting.put_nowait(message)
+
+    def send(message: str | bytes) -> None:
+        loop.call_soon_threadsafe(put, message)
+
+    async def tell() -> None:
+        while True:
+            message = await waiting.get()
+            await (socket.send_text(message) if isinstance(message, str) else socket.send_bytes(message))
+
+    async def listen() -> None:
+        async for text in socket.iter_text():
+            send(await asyncio.to_thread(stage.act, text))
+
+    await socket.accept()
+    tasks = [asyncio.create_task(tell()), asyncio.create_task(listen())]
+    await asyncio.to_thread(stage.watch, send)
+    try:
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        await asyncio.to_thread(stage.leave, send)
+        for task in tasks:
+            task.cancel()
+        for done in await asyncio.gather(*tasks, return_exceptions=True):
+            if isinstance(done, Exception) and not isinstance(done, (WebSocketDisconnect, RuntimeError, OSError)):
+                raise done
+
+
+def _fault(request: HTTPConnection, token: str, host: str, port: int) -> str:
     """Return why a request is refused; nothing where it is answered."""
     name = request.headers.get("host", "")
     if not _is_own(name, host, port):
@@ -164,7 +227,7 @@ def _fault(request: Request, token: str, host: str, port: int) -> str:
     if origin is not None and origin != f"http://{name}":
         return "requests of other pages are refused"
     if not secrets.compare_digest(request.url.path.split("/")[1].encode(), token.encode()):
-        return "the address lacks its token: crowdsim view prints the whole address"
+        return "the address lacks its token: crowdsim prints the whole address"
     return ""
 
 

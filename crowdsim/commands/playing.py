@@ -1,0 +1,125 @@
+"""The command ``play``."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from crowdsim.commands.common import Mocap, Threads, complete_either, note, say
+from crowdsim.commands.progress import Bars
+from crowdsim.commands.viewing import serve
+from crowdsim.core.workers import CORES
+from crowdsim.errors import CrowdsimError, OutputError
+
+if TYPE_CHECKING:
+    from crowdsim.policy.policy import Policy
+    from crowdsim.runs.playing import Session
+    from crowdsim.scenario.scenario import Scenario
+
+
+def play(
+    thing: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENARIO|POLICY",
+            help="A scenario, or a policy: one boxer and a target to drag.",
+            autocompletion=complete_either,
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Run folder that is recorded into; further ones have a number behind."),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(metavar="N", min=0, help="Another seed.")] = None,
+    override: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Another value, groups[0].count=12 say.")
+    ] = None,
+    port: Annotated[
+        int | None, typer.Option(metavar="N", min=1, max=65535, help="Port; a free one by default.")
+    ] = None,
+    host: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Address to listen at; 127.0.0.1, this machine, by default.")
+    ] = None,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Do not open the browser.")] = False,
+    paused: Annotated[bool, typer.Option("--paused", help="Begin paused.")] = False,
+    threads: Threads = CORES,
+    mocap: Mocap = None,
+) -> None:
+    """Play a scenario live in the browser, and interfere: drag targets, tune types, take avatars out; record it."""
+    from crowdsim.jit.environment import load_numba
+    from crowdsim.runs.playing import Session
+    from crowdsim.view.server import open_server
+    from crowdsim.view.stage import Stage
+
+    scenario = _scenario(thing, seed, override or [])
+    load_numba()
+    folder = out or Path("output") / (scenario.name if thing != scenario.name else f"{scenario.name}_played")
+    command = shlex.join(["crowdsim", *sys.argv[1:]])
+    session = Session(scenario, _policies(scenario, mocap, threads), threads)
+
+    def record() -> str:
+        place = free_folder(folder)
+        session.record(place, command)
+        say(f"{place}: recorded, {session.frame} control frames")
+        return f"Recorded as {place}."
+
+    stage = Stage(session, record)
+    stage.pause(paused)
+    server = open_server(stage, host or "127.0.0.1", port or 0)
+    stage.start()
+    try:
+        serve(server, host, not no_open)
+    finally:
+        # What has come must not wait for a step.
+        stage.close()
+        _keep(session, folder)
+        session.close()
+
+
+def _scenario(thing: str, seed: int | None, overrides: list[str]) -> Scenario:
+    """Return the scenario of this name, or that of a policy and a target."""
+    from crowdsim.assets import policy_names
+    from crowdsim.runs.playing import boxer_and_target
+    from crowdsim.scenario.scenario import load_scenario
+
+    path = Path(thing)
+    is_policy = path.stem in policy_names() and (len(path.parts) == 1 or path.parent.name == "policies")
+    if not is_policy and not (path / "policy.json").is_file():
+        return load_scenario(thing, overrides, seed)
+    return load_scenario(boxer_and_target(path.stem if is_policy else thing), overrides, seed)
+
+
+def _policies(scenario: Scenario, mocap: Path | None, threads: int) -> list[Policy]:
+    from crowdsim.preparation.prepare import load_policies, training_notice, untrained_policies
+    from crowdsim.preparation.validation import check_scenario
+
+    check_scenario(scenario)
+    with Bars() as bars:
+        for name in untrained_policies(scenario, mocap):
+            bars.note(training_notice(name, threads))
+        return load_policies(scenario, mocap, threads, bars)
+
+
+def free_folder(folder: Path) -> Path:
+    """Return a folder that is not there yet: this one, or with the first number behind that is free."""
+    place, number = folder, 1
+    while place.exists():
+        number += 1
+        place = folder.with_name(f"{folder.name}_{number}")
+    return place
+
+
+def _keep(session: Session, folder: Path) -> None:
+    """Write the scenario of what was played and not recorded, if anything was done."""
+    if not session.is_changed:
+        return
+    place = free_folder(folder.with_name(f"{folder.name}_session"))
+    try:
+        session.keep(place)
+    except (CrowdsimError, OSError) as error:
+        raise OutputError(f"{place}: what was played could not be kept: {error}") from None
+    note(f"what was played is kept: crowdsim run {shlex.quote(str(place / 'scenario.yaml'))} repeats it")

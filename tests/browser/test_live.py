@@ -1,0 +1,194 @@
+"""What is played live in a browser: it is followed, changed by the mouse, recorded, and repeated."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import crowdsim, scene
+
+import crowdsim as library
+from crowdsim.preparation.prepare import load_policies
+from crowdsim.runs.playing import Session, boxer_and_target
+from crowdsim.scenario.scenario import load_scenario
+from crowdsim.view.server import open_server
+from crowdsim.view.stage import Stage
+
+pytestmark = pytest.mark.browser
+
+TARGET = (
+    "crowdsimPlayer.view.project(...crowdsimPlayer.crowd.targets("
+    "crowdsimPlayer.crowd.around(crowdsimPlayer.time * crowdsimPlayer.scene.fps))[0]).slice(0, 2)"
+)
+
+
+@pytest.fixture
+def play(workplace, browser):
+    """Serve sessions and show them; they end with the test, and the console has no errors."""
+    import uvicorn
+
+    ends = []
+
+    def begin(scenario) -> Session:
+        session = Session(scenario, load_policies(scenario))
+        stage = Stage(session, lambda: f"Recorded as {session.record(Path('recorded')).folder}.")
+        server = open_server(stage)
+        running = uvicorn.Server(uvicorn.Config(server.app, log_level="error", lifespan="off"))
+        thread = threading.Thread(target=running.run, kwargs={"sockets": [server.socket]}, daemon=True)
+        thread.start()
+        stage.start()
+
+        def end() -> None:
+            running.should_exit = True
+            thread.join(60)
+            stage.close()
+
+        ends.append(end)
+        session.end = end
+        browser.shown(server.address)
+        browser.wait("crowdsimPlayer.counts")
+        assert all(request.startswith(server.address) for request in browser.requests)
+        return session
+
+    yield begin
+    assert browser.console == []
+    browser.open("about:blank")
+    for end in ends:
+        end()
+
+
+def click(browser, name: str) -> None:
+    browser.evaluate(f"document.getElementById('{name}').click()")
+
+
+def recorded_is_repeated(browser, workplace) -> library.RecordedRun:
+    """Record, run what was recorded once more, compare both byte for byte, and return the run."""
+    click(browser, "record")
+    browser.wait("document.getElementById('said').textContent === 'Recorded as recorded.'")
+    kept, again = workplace / "recorded", workplace / "again"
+    assert crowdsim("verify", kept, "-q") == 0
+    assert crowdsim("run", kept / "scenario.resolved.yaml", "--out", again, "-q") == 0
+    ours, theirs = (
+        {path.relative_to(folder): path.read_bytes() for path in sorted((folder / "take.zarr").rglob("*"))
+         if path.is_file()}
+        for folder in (kept, again)
+    )  # fmt: skip
+    assert ours == theirs
+    return library.open_run(kept)
+
+
+def test_the_boxer_follows_a_target_that_is_dragged_and_lands_on_it(play, browser, workplace) -> None:
+    session = play(boxer_and_target("tiny"))
+    browser.wait("crowdsimPlayer.recording.latest > 8")
+    x, y = browser.evaluate(TARGET)
+    browser.drag((x, y), (x - 140, y + 70), steps=15)
+    browser.wait("crowdsimPlayer.recording.dragged.size === 0")
+    since = session.frame
+    place = session.crowd.targets[0].points[-1]
+    assert np.hypot(place[0], place[2] - 2.0) > 0.5
+    browser.wait(f"crowdsimPlayer.facts.landed.some(i => crowdsimPlayer.scene.tables.strike_time[i] > {since / 15})")
+    click(browser, "play")
+    browser.wait("!crowdsimPlayer.playing")
+    run = recorded_is_repeated(browser, workplace)
+    np.testing.assert_allclose(run.targets[-1, 0], place, atol=1e-6)
+    landed = run.events.frame[np.asarray(run.events.landed)]
+    assert landed[landed > since][0] < since + 10 * 15
+    # It has come within reach of where the target is now.
+    assert np.hypot(run.x[-1, 0] - place[0], run.z[-1, 0] - place[2]) < 1.6
+    assert f"{len(landed)} landed" in browser.evaluate("document.getElementById('summary').textContent")
+
+
+def test_with_shift_a_target_goes_up_and_down(play, browser) -> None:
+    session = play(boxer_and_target("tiny"))
+    browser.wait("crowdsimPlayer.recording.latest > 3")
+    before = session.crowd.targets[0].points[-1]
+    x, y = browser.evaluate(TARGET)
+    keys = {"button": "left", "buttons": 1, "modifiers": 8}
+    browser.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, **keys)
+    for step in range(1, 9):
+        browser.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y + 5 * step, **keys)
+    browser.call("Input.dispatchMouseEvent", type="mouseReleased", x=x, y=y + 40, **keys)
+    browser.wait("crowdsimPlayer.recording.dragged.size === 0")
+    after = session.crowd.targets[0].points[-1]
+    assert after[1] < before[1] - 0.1
+    assert (after[0], after[2]) == (before[0], before[2])
+
+
+def test_time_stands_still_and_goes_on_frame_by_frame(play, browser) -> None:
+    session = play(load_scenario(scene(duration=400)))
+    browser.press(" ")
+    browser.wait("!crowdsimPlayer.playing")
+    frame = session.frame
+    browser.press("ArrowRight")
+    browser.wait(f"crowdsimPlayer.recording.latest === {frame - 2}")
+    assert session.frame == frame + 1
+    browser.settle()
+    first = browser.screenshot()
+    for _ in range(10):
+        browser.press("ArrowRight")
+    browser.wait(f"crowdsimPlayer.recording.latest === {frame + 8}")
+    browser.settle()
+    assert browser.screenshot() != first
+    assert session.frame == frame + 11
+    browser.press(" ")
+    browser.wait(f"crowdsimPlayer.recording.latest > {frame + 12}")
+
+
+def test_types_are_tuned_and_avatars_set_on_one_another_and_taken_out(play, browser, workplace) -> None:
+    session = play(load_scenario(scene(duration=400)))
+    click(browser, "play")
+    browser.wait("!crowdsimPlayer.playing")
+    for key, value in (("tempo", 150), ("temperature", 0.3)):
+        browser.evaluate(
+            f"(() => {{ const s = document.getElementById('tune-boxer-{key}'); s.value = {value};"
+            "s.dispatchEvent(new Event('change')); })()"
+        )
+    browser.wait("document.querySelector('#tune-boxer-tempo + output').textContent === '150'")
+    assert session.tunings()["boxer"]["tempo"] == 150
+    assert session.tunings()["boxer"]["temperature"] == 0.3
+    browser.evaluate("crowdsimPlayer.select(0)")
+    browser.wait("!document.getElementById('actions').hidden")
+    click(browser, "set-on")
+    browser.evaluate("crowdsimPlayer.select(1)")
+    browser.wait("document.getElementById('said').textContent === 'red_0 is set on red_1.'")
+    browser.evaluate("crowdsimPlayer.select(3)")
+    browser.settle()
+    click(browser, "remove")
+    for _ in range(6):
+        browser.press("ArrowRight")
+    browser.wait("!crowdsimPlayer.recording.state(crowdsimPlayer.recording.latest).there[3]")
+    browser.wait("document.getElementById('remove').textContent === 'Bring back'")
+    click(browser, "remove")
+    for _ in range(6):
+        browser.press("ArrowRight")
+    browser.wait("crowdsimPlayer.recording.state(crowdsimPlayer.recording.latest).there[3]")
+    run = recorded_is_repeated(browser, workplace)
+    assert run.opponent[-1, 0] == 1
+    assert -1 in run.action[:, 3]
+
+
+def test_it_begins_again(play, browser) -> None:
+    session = play(load_scenario(scene(duration=400)))
+    browser.wait("crowdsimPlayer.counts.thrown > 0")
+    click(browser, "play")
+    browser.wait("!crowdsimPlayer.playing")
+    click(browser, "restart")
+    browser.wait("crowdsimPlayer.recording.latest === 0")
+    assert session.frame == 3
+    assert browser.evaluate("crowdsimPlayer.scene.tables.strike_time.length") == session.strikes["thrown"]
+
+
+def test_what_cannot_be_done_is_said(play, browser) -> None:
+    play(load_scenario(scene(duration=400)))
+    browser.evaluate("crowdsimPlayer.recording.send({ do: 'set_on', avatar: 1, opponent: 1 })")
+    browser.wait("document.getElementById('said').textContent.startsWith('avatar 1 cannot fight itself')")
+    assert browser.evaluate("document.getElementById('said').className").endswith("wrong")
+
+
+def test_a_connection_that_is_lost_is_said(play, browser) -> None:
+    session = play(load_scenario(scene(duration=400)))
+    session.end()
+    browser.wait("!document.getElementById('message').hidden")
+    assert browser.evaluate("document.getElementById('message').textContent").startswith("The connection is lost")

@@ -1,0 +1,341 @@
+"""What is played live: what is sent of it, what may be asked of it, and who may ask."""
+
+import http.client
+import json
+import os
+import queue
+import re
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+from naive_view import unpack_scene
+from scenes import crowdsim, scene, write_scene
+
+import crowdsim as library
+from crowdsim.commands.playing import free_folder
+from crowdsim.preparation.prepare import load_policies
+from crowdsim.runs.playing import Session, boxer_and_target
+from crowdsim.scenario.scenario import load_scenario
+from crowdsim.view.live import LAG, ROWS, LivePoses, Settled, clips_of
+from crowdsim.view.server import open_server
+from crowdsim.view.stage import Stage
+
+HURT = {"boxer": {"policy": "tiny", "damage": {"health": 40}}}
+
+
+@pytest.fixture
+def session(workplace):
+    def begin(scenario):
+        return Session(scenario, load_policies(scenario))
+
+    return begin
+
+
+@pytest.fixture
+def stage(session):
+    return Stage(session(load_scenario(scene(types=HURT))), lambda: "Recorded.")
+
+
+@pytest.fixture
+def address(session):
+    """Address of a server of a target and a boxer, which answers until the test is done."""
+    import uvicorn
+
+    played = Stage(session(boxer_and_target("tiny")), lambda: "Recorded.")
+    server = open_server(played)
+    running = uvicorn.Server(uvicorn.Config(server.app, log_level="error", lifespan="off"))
+    thread = threading.Thread(target=running.run, kwargs={"sockets": [server.socket]}, daemon=True)
+    thread.start()
+    played.start()
+    yield server.address
+    running.should_exit = True
+    thread.join(60)
+    played.close()
+    assert not thread.is_alive()
+
+
+def unpack(message):
+    """Return document, and rotations and roots of the one figure, by a reading of its own."""
+    (length,) = struct.unpack("<I", message[:4])
+    document, rest = json.loads(message[4 : 4 + length]), message[4 + length :]
+    return document, rest
+
+
+def test_live_poses_are_nearly_those_of_the_take(session, workplace) -> None:
+    played = session(load_scenario(scene(duration=90)))
+    poses, shown = LivePoses(played.crowd), {}
+    for _ in range(90):
+        poses.add(played.step())
+        if poses.shown >= 0:
+            ((roots, rotations),) = poses.poses()
+            assert (roots.shape, rotations.shape[:2]) == ((ROWS, 4, 3), (ROWS, 4))
+            shown[poses.shown] = roots, rotations
+    assert sorted(shown) == list(range(90 - LAG))
+    run = library.run(load_scenario(scene(duration=90)))
+    (taken,) = run.sampler.sample(0, 90 * ROWS, run.control_rate * ROWS)
+    roots = np.concatenate([shown[frame][0] for frame in sorted(shown)])
+    rotations = np.concatenate([shown[frame][1] for frame in sorted(shown)])
+    known = taken.root_positions[: len(roots)]
+    apart = np.linalg.norm(roots - known, axis=-1)
+    assert np.median(apart) < 0.02
+    assert np.quantile(apart, 0.99) < 0.15
+    dots = np.einsum("tnjk,tnjk->tnj", rotations, taken.rotations[: len(roots)])
+    assert np.quantile(2 * np.arccos(np.clip(np.abs(dots), 0, 1)), 0.9) < np.radians(10)
+    # Nothing jerks more than it does in the take, although more is known with each frame.
+    jerks, smooth = (np.linalg.norm(np.diff(one, 2, axis=0), axis=-1) for one in (roots, known))
+    assert np.quantile(jerks, 0.99) < 1.5 * np.quantile(smooth, 0.99)
+
+
+def test_offsets_of_poses_die_away_without_a_jump() -> None:
+    settled = Settled(1, 1, np.arange(3) / 30)
+    still = np.tile([1.0, 0.0, 0.0, 0.0], (3, 1, 1, 1))
+    places = [settled.settle(np.zeros((3, 1, 3)), still)[0]]
+    for _ in range(12):
+        # From the second time on it is known to be elsewhere.
+        places.append(settled.settle(np.full((3, 1, 3), 0.1), still)[0])
+    way = np.concatenate(places)[:, 0, 0]
+    assert way[:3].tolist() == [0.0, 0.0, 0.0]
+    assert (np.diff(way) >= 0).all()
+    assert np.diff(way).max() < 0.035
+    assert way[-1] == pytest.approx(0.1, abs=1e-4)
+    # What goes to another place at once does so.
+    assert settled.settle(np.full((3, 1, 3), 5.0), still)[0][0, 0, 0] == 5.0
+
+
+def test_avatars_that_are_taken_out_have_no_poses(session) -> None:
+    played = session(load_scenario(scene()))
+    poses = LivePoses(played.crowd)
+    for _ in range(5):
+        poses.add(played.step())
+    played.remove(2)
+    for _ in range(LAG + 3):
+        poses.add(played.step())
+    ((roots, rotations),) = poses.poses()
+    assert np.isnan(roots[:, 2]).all()
+    assert np.isnan(rotations[:, 2]).all()
+    assert np.isfinite(roots[:, [0, 1, 3]]).all()
+
+
+def test_a_frame_says_what_the_session_knows_and_holds_its_poses(session) -> None:
+    played, sent = session(load_scenario(scene(types=HURT))), []
+    stage = Stage(played, lambda: "")
+    stage.pause(True)
+    stage.watch(sent.append)
+    for _ in range(60):
+        assert stage.act('{"do": "step"}') == '{"done": "step"}'
+    frames = [message for message in sent if isinstance(message, bytes)]
+    document, rest = unpack(frames[-1])
+    assert (document["frame"], document["now"]) == (played.frame - 1 - LAG, played.frame - 1)
+    assert document["there"] == [1, 1, 1, 1]
+    thrown = sum(len(unpack(frame)[0]["strikes"]["time"]) for frame in frames)
+    assert document["counts"] == played.strikes
+    assert thrown == played.strikes["thrown"] > 0
+    names = [str(name) for name in played.policies[0].database.clip_names]
+    assert all(0 <= clip < len(names) for clip in document["clip"])
+    joints = played.policies[0].database.skeleton.joint_count
+    bits = np.array(unpack_scene(stage.scene())["figures"][0]["bits"])
+    rotations = np.frombuffer(rest, "<i2", ROWS * 4 * joints * 4).reshape(ROWS, 4, joints, 4)
+    roots = np.frombuffer(rest[rotations.nbytes + -rotations.nbytes % 4 :], "<f4").reshape(ROWS, 4, 3)
+    again = LivePoses(played.crowd)
+    played.restart()
+    for _ in range(len(frames) + LAG):
+        again.add(played.step())
+        ((real_roots, real_rotations),) = again.poses() if again.shown >= 0 else ((0, 0),)
+    np.testing.assert_array_equal(roots, real_roots.astype(np.float32))
+    steps = (2.0 ** (bits - 1) - 1)[:, None]
+    assert (np.abs(rotations / steps - real_rotations) <= 0.5 / steps + 1e-6).all()
+
+
+def test_clips_are_those_that_motion_is_from(session) -> None:
+    played = session(load_scenario(scene()))
+    for _ in range(20):
+        frame = played.step()
+    clip, place = clips_of(played.crowd, frame)
+    database, graph = played.policies[0].database, played.policies[0].graph
+    for avatar in range(4):
+        begin, end = database.clip_starts[clip[avatar] : clip[avatar] + 2]
+        first = int(graph.action_first[frame.action[avatar]]) - 1
+        assert begin <= first < end
+        at = (first - begin + frame.action_frame[avatar]) * database.stride
+        assert place[avatar] == pytest.approx(at, abs=1)
+
+
+def test_the_scene_has_everyone_where_they_begin(stage) -> None:
+    shown = unpack_scene(stage.scene())
+    assert shown["names"] == ["red_0", "red_1", "blue_0", "blue_1"]
+    assert shown["live"]["lag"] == LAG
+    assert {"side", "top"} <= {camera["name"] for camera in shown["cameras"]}
+    assert shown["tables"]["health"].reshape(-1, 2)[:, 0].tolist() == [40.0] * 4
+
+
+def test_it_goes_on_while_someone_watches_and_stands_still_when_it_is_to(stage) -> None:
+    came = queue.Queue()
+    stage.start()
+    try:
+        assert stage.played.frame == LAG + 1
+        stage.watch(came.put)
+        while not isinstance(came.get(timeout=60), bytes):
+            pass
+        while stage.played.frame < 8:
+            came.get(timeout=60)
+        answer = json.loads(stage.act('{"do": "pause", "paused": true}'))
+        assert answer == {"done": "pause"}
+        at = stage.played.frame
+        stage.act('{"do": "step"}')
+        assert stage.played.frame == at + 1
+        stage.leave(came.put)
+        stage.act('{"do": "pause", "paused": false}')
+    finally:
+        stage.close()
+
+
+def test_what_is_asked_for_is_done_or_refused_with_a_reason(stage) -> None:
+    told = []
+    stage.pause(True)
+    stage.watch(told.append)
+    for text, answer in (
+        ('{"do": "tune", "type": "boxer", "key": "tempo", "value": 90}', {"done": "tune"}),
+        ('{"do": "set_on", "avatar": 0, "opponent": 3}', {"done": "set_on"}),
+        ('{"do": "set_on", "avatar": 0}', {"done": "set_on"}),
+        ('{"do": "remove", "avatar": 1}', {"done": "remove"}),
+        ('{"do": "add", "avatar": 1}', {"done": "add"}),
+        ('{"do": "speed", "speed": 2}', {"done": "speed"}),
+        ('{"do": "record"}', {"done": "record", "said": "Recorded."}),
+    ):
+        assert json.loads(stage.act(text)) == answer
+    assert json.loads(told[-1])["tunings"]["boxer"]["tempo"] == 90
+    assert stage.speed == 2
+    for text, reason in (
+        ("nonsense", "this is no command"),
+        ('{"do": "format"}', "this is no command"),
+        ('{"do": "remove", "avatar": "../x"}', "this is no command: remove.avatar"),
+        ('{"do": "record", "folder": "/etc"}', "this is no command: record.folder"),
+        ('{"do": "speed", "speed": 1e9}', "this is no command: speed.speed"),
+        ('{"do": "remove", "avatar": 77}', "avatar 77: expected a number from 0 to 3"),
+        ('{"do": "drag", "target": 0, "x": 0, "y": 1, "z": 0}', "target 0: expected one of 0"),
+        ('{"do": "tune", "type": "boxer", "key": "tempo", "value": -5}', "tempo: Input should be greater"),
+    ):
+        assert reason in json.loads(stage.act(text))["error"]
+
+
+def test_beginning_again_begins_again(stage) -> None:
+    told = []
+    stage.pause(True)
+    for _ in range(9):
+        stage.act('{"do": "step"}')
+    stage.watch(told.append)
+    stage.act('{"do": "restart"}')
+    assert stage.played.frame == LAG + 1
+    assert '{"restart": true}' in told
+
+
+def test_the_end_of_a_scenario_stops_it(session) -> None:
+    stage = Stage(session(load_scenario(scene(until={"landed": 1}, linger=0.5))), lambda: "")
+    told = []
+    stage.watch(told.append)
+    while not stage.played.is_over:
+        stage.act('{"do": "step"}')
+    stage.act('{"do": "pause", "paused": false}')
+    stage.act('{"do": "step"}')
+    assert stage.paused
+    assert json.loads([one for one in told if isinstance(one, str)][-1])["over"] is True
+
+
+def connect(address, path=None, origin=None, host=None):
+    """Ask for a websocket with headers of one's own; return the status of the answer."""
+    _, _, place, token, _ = address.split("/")
+    connection = http.client.HTTPConnection(*place.split(":"), timeout=120)
+    connection.putrequest("GET", f"/{token}/live" if path is None else path, skip_host=True)
+    for name, value in (
+        ("Host", host or place), ("Upgrade", "websocket"), ("Connection", "Upgrade"), ("Origin", origin),
+        ("Sec-WebSocket-Key", "dGhlIHNhbXBsZSBub25jZQ=="), ("Sec-WebSocket-Version", "13"),
+    ):  # fmt: skip
+        if value is not None:
+            connection.putheader(name, value)
+    connection.endheaders()
+    status = connection.getresponse().status
+    connection.close()
+    return status
+
+
+def test_websockets_without_the_token_or_of_other_pages_are_refused(address) -> None:
+    place = address.split("/")[2]
+    port = place.split(":")[1]
+    assert connect(address, origin=f"http://{place}") == 101
+    assert connect(address, host=f"localhost:{port}", origin=f"http://localhost:{port}") == 101
+    for path in (f"/{'x' * 22}/live", "/live", "//live", "/"):
+        assert connect(address, path) == 403
+    for origin in ("http://evil.example", "null", f"https://{place}", "http://localhost:1"):
+        assert connect(address, origin=origin) == 403
+    for host in ("evil.example", f"evil.example:{port}", f"192.168.0.9:{port}"):
+        assert connect(address, host=host) == 403
+
+
+def test_a_websocket_gets_frames_and_answers(address) -> None:
+    from websockets.sync.client import connect as open_socket
+
+    with open_socket(f"{address.replace('http', 'ws', 1)}live") as peer:
+        assert unpack(peer.recv(60))[0]["there"] == [1]
+        peer.send('{"do": "drag", "target": 0, "x": 1.5, "y": 1.4, "z": 0.5}')
+        seen = []
+        while [1.5, 1.4, 0.5] not in seen:
+            message = peer.recv(60)
+            if isinstance(message, bytes):
+                seen = unpack(message)[0]["targets"]
+
+
+def test_a_port_in_use_is_reported_before_anything_is_played(workplace, capsys) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        assert crowdsim("play", "tiny", "--port", port, "--no-open") == 2
+    assert f"cannot listen at 127.0.0.1 port {port}: Address already in use" in capsys.readouterr().err
+
+
+def test_what_is_no_scenario_and_no_policy_is_reported(workplace, capsys) -> None:
+    assert crowdsim("play", "nothing", "--no-open") == 2
+    assert "nothing: no such scenario" in capsys.readouterr().err
+
+
+def test_folders_that_are_taken_get_a_number(tmp_path) -> None:
+    assert free_folder(tmp_path / "run") == tmp_path / "run"
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run_2").mkdir()
+    assert free_folder(tmp_path / "run") == tmp_path / "run_3"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_what_was_played_is_kept_after_ctrl_c(workplace) -> None:
+    from websockets.sync.client import connect as open_socket
+
+    write_scene(workplace / "four.yaml")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-c", "from crowdsim.cli import main; main()", "play", "four.yaml", "--no-open"]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, cwd=workplace
+    )
+    try:
+        address = process.stdout.readline().strip()
+        with open_socket(f"{address.replace('http', 'ws', 1)}live", open_timeout=120) as peer:
+            peer.send('{"do": "remove", "avatar": 3}')
+            while True:
+                message = peer.recv(60)
+                if isinstance(message, bytes) and unpack(message)[0]["there"] == [1, 1, 1, 0]:
+                    break
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    kept = re.search(r"what was played is kept: crowdsim run (\S+) repeats it", said)[1]
+    assert crowdsim("run", kept, "--out", workplace / "again", "-q") == 0
+    run = library.open_run(workplace / "again")
+    assert run.action[0, 3] >= 0
+    assert run.action[-1, 3] == -1
