@@ -26,7 +26,7 @@ from crowdsim.motion.joint_tree import JointTree
 from crowdsim.motion.measuring import MeasuredClip, lead_in
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.skeleton import Clip, Skeleton
-from crowdsim.motion.strikes import ALL_LIMBS
+from crowdsim.motion.strikers import HANDS_AND_FEET
 
 ANALYSIS_RATE = 60.0
 """Rate at which contacts and strikes of a file are found [1/s]."""
@@ -98,7 +98,7 @@ class Capture:
             return None
         if not (np.isfinite(motion.root_positions).all() and np.isfinite(motion.rotations).all()):
             return None
-        return analyse_clip(resample(motion, ANALYSIS_RATE), self.body, limbs=ALL_LIMBS)
+        return analyse_clip(resample(motion, ANALYSIS_RATE), self.body, limbs=HANDS_AND_FEET)
 
 
 class _Notes:

@@ -19,7 +19,7 @@ from crowdsim.motion.kicks import foot_speed
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.measuring import rests_like_a_body, sample_poses
 from crowdsim.motion.skeleton import Skeleton
-from crowdsim.motion.strikes import ALL_LIMBS, HANDS, LIMBS, MINIMUM_SPEED, REASONS, Rejection, fist_speed
+from crowdsim.motion.strikes import HANDS, HANDS_AND_FEET, LIMBS, MINIMUM_SPEED, REASONS, Rejection, fist_speed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -192,7 +192,7 @@ def time_figure(analysis: ClipAnalysis, start: float) -> Figure:
     slowest = MINIMUM_SPEED * analysis.body.height / HEIGHT
     strips.set_yticks([1, 0], ["left foot", "right foot"])
     strips.set_title("planted")
-    for limb in ALL_LIMBS:
+    for limb in HANDS_AND_FEET:
         ours, colour, side = analysis.strikes.limbs == limb, _COLOURS[limb % 2], limb % 2
         if limb not in HANDS and not ours.any():
             continue

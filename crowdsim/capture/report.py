@@ -7,7 +7,8 @@ from typing import Any
 from crowdsim.capture.loading import Capture
 from crowdsim.motion.analysis import ClipAnalysis
 from crowdsim.motion.contacts import runs
-from crowdsim.motion.strikes import LIMBS, SIDES, Rejection
+from crowdsim.motion.strikers import HANDS_AND_FEET, LIMBS, SIDES
+from crowdsim.motion.strikes import Rejection
 
 
 def describe_capture(capture: Capture) -> dict[str, Any]:
@@ -54,7 +55,7 @@ def describe_capture(capture: Capture) -> dict[str, Any]:
         contacts=sum(len(runs(analysis.contacts[:, foot])) for foot in range(2)),
         contact_share=[round(float(share), 4) for share in analysis.contacts.mean(axis=0)],
         strikes=len(strikes.frames),
-        strikes_by_limb={name: int((strikes.limbs == limb).sum()) for limb, name in enumerate(LIMBS)},
+        strikes_by_limb={LIMBS[limb]: int((strikes.limbs == limb).sum()) for limb in HANDS_AND_FEET},
         highest_fist_speed=round(strikes.highest_speed, 3),
         strike_list=[
             {

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
+from crowdsim.crowd.props import PROP
 from crowdsim.errors import TakeError, nearest
 
 _USUAL: dict[str, tuple[float, Any]] = {
@@ -53,6 +54,7 @@ class Cast:
         groups: Index into ``group_names``. Shape (N,), int32, or (0,) where names of avatars begin with those of their
             groups.
         group_names: Names of the groups, or none, likewise.
+        attachments: What avatars of each type carry. Shape (P,), ``PROP``.
     """
 
     names: Array
@@ -74,6 +76,7 @@ class Cast:
     stances: Array = field(default_factory=_unknown)
     groups: Array = field(default_factory=_unknown)
     group_names: tuple[str, ...] = ()
+    attachments: Array = field(default_factory=lambda: np.zeros(0, PROP))
 
     def __post_init__(self) -> None:
         """Give all avatars of takes that do not record them the usual body and temperament."""

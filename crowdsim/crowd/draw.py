@@ -10,6 +10,7 @@ import numpy as np
 
 from crowdsim.config.files import Finding
 from crowdsim.core.types import Array
+from crowdsim.crowd.attachments import attachment_findings, pack_attachments
 from crowdsim.crowd.cast import Cast
 from crowdsim.crowd.crowd import Crowd, Crowding
 from crowdsim.crowd.distributions import draw_numbers, draw_types, is_tempered, temperaments_of
@@ -89,6 +90,7 @@ def draw_crowd(scenario: Scenario, policies: Sequence[Policy], placed: Array | N
     scenario.refuse(missing_policies(scenario, by_name))
     scenario.refuse(unlearned_behaviours(scenario, {name: policy.learned for name, policy in by_name.items()}))
     scenario.refuse(stance_findings(scenario, by_name))
+    scenario.refuse(attachment_findings(scenario, by_name))
     x, z, heading = place_groups(scenario) if placed is None else placed
     rate = float(policies[0].database.control_rate)
     types, group = draw_types(scenario), groups_of_avatars(scenario)
@@ -144,6 +146,7 @@ def _cast(scenario: Scenario, types: Array, drawn: Mapping[str, Array], policies
         stances=draw_stances(scenario, types),
         groups=groups_of_avatars(scenario) if has_names else np.zeros(0),
         group_names=tuple(scenario.group_names) if has_names else (),
+        attachments=pack_attachments(scenario, {policy.name: policy for policy in policies}),
     )
 
 

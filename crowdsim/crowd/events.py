@@ -25,10 +25,10 @@ class Events:
         attacker: Avatar that struck. Shape (S,), int32.
         victim: Its opponent, an avatar or ``-2 - target``; -1 for none. Shape (S,), int32.
         hand: Side of the limb, 0 left, 1 right. Shape (S,), uint8.
-        point: Where the fist or foot was, of a strike that was blocked where it met the arm [m]. Shape (S, 3), float32.
+        point: Where what strikes was, of a strike that was blocked where it met the arm [m]. Shape (S, 3), float32.
         speed: Its highest speed before [m/s]. Shape (S,), float32.
         landed: Whether it landed. Shape (S,), bool.
-        limb: 0 left hand, 1 right hand, 2 left foot, 3 right foot; hands where it is not given. Shape (S,), uint8.
+        limb: Number of ``strikers.LIMBS``; hands where it is not given. Shape (S,), uint8.
         outcome: Index into ``OUTCOMES``; where it is not given, as ``landed`` says. Shape (S,), uint8.
         damage: What it took from its victim's health [points]; 0 where it is not given. Shape (S,), float32.
         down: Whether it knocked its victim down; not where it is not given. Shape (S,), bool.

@@ -12,7 +12,6 @@ from crowdsim.core.types import Array
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import PARTS, Body
 from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.motion.strikes import LIMBS
 
 if TYPE_CHECKING:
     from crowdsim.motion.database import MotionDatabase
@@ -45,7 +44,7 @@ def arm_rows(database: MotionDatabase) -> Array:
 
 
 def way_rows(policies: Sequence[Policy], starts: Sequence[Array]) -> Array:
-    """Return where fists and feet are at the times ``WAY`` before strikes in actions, seen from the action's start [m].
+    """Return where strikers are at the times ``WAY`` before strikes in actions, seen from the action's start [m].
 
     Args:
         policies: The policies.
@@ -77,8 +76,7 @@ def _ways(database: MotionDatabase) -> Array:
     strikes = np.asarray(database.strike_frames, np.int64)
     clips = np.asarray(database.clip_starts, np.int64) * database.stride
     first = clips[np.searchsorted(clips, strikes, side="right") - 1]
-    ends = np.array([body.roles[limb] for limb in LIMBS])[limbs]
-    offsets = np.concatenate([body.fist_offsets, body.foot_offsets])[limbs]
+    ends, offsets = body.strikers["joint"][limbs], body.strikers["offset"][limbs]
     points = np.empty((len(strikes), len(WAY), 3))
     for column, before in enumerate(WAY):
         frames = np.maximum(strikes - round(before * database.playback_rate), first)

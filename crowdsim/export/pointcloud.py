@@ -26,12 +26,21 @@ from crowdsim.export.cloud_kernels import (
     place_skin_points,
 )
 from crowdsim.export.stream import Block, run_all, stream_poses
-from crowdsim.export.surface import Surface, build_skin_surface, build_surface, spread_points
+from crowdsim.export.surface import (
+    Surface,
+    build_prop_surface,
+    build_skin_surface,
+    build_surface,
+    prop_areas,
+    spread_points,
+)
 from crowdsim.files import make_folder
 from crowdsim.places.mesh import mesh_of, triangle_areas
 from crowdsim.poses.sampler import Poses, PoseSampler
 
 _Placer = Callable[[Bodies, When, Wanted, Cloud], None]
+_SKIN_AREA, _MOST_SHARE = 1.8, 0.25
+"""Area of a body [m2], and share of an avatar's points that lie on what it carries at the most."""
 
 
 class CloudSink:
@@ -85,6 +94,7 @@ class CloudSink:
         self._skins: dict[tuple[int, Build], tuple[Skin, SkinRiders]] = {}
         self._frames: dict[int, Frames] = {}
         self._standing = obstacle_points(sampler.obstacles, obstacles)
+        self._props: dict[int, Riders] = {}
         self._files: list[Path] = []
 
     @property
@@ -187,6 +197,34 @@ class CloudSink:
             )
         return riders
 
+    def _place_props(self, bodies: Bodies, when: When, wanted: Wanted, rows: Array) -> None:
+        """Put some of the points of avatars, evenly picked, on what they carry instead."""
+        cast = self._sampler.take.cast
+        for index in range(len(wanted.columns) if len(cast.attachments) else 0):
+            kind = int(cast.types[wanted.numbers[index]])
+            riders = self._prop_riders(kind)
+            if riders is None:
+                continue
+            count = len(riders.joints)
+            part, motions = Cloud.empty(count), np.empty((bodies.positions.shape[2], MOTION_COLUMNS))
+            one = Wanted(*(values[index : index + 1] for values in wanted))
+            place_points(bodies, when, one, riders, motions, part.values, part.labels)
+            picked = np.floor((np.arange(count) + 0.5) * (self._points / count)).astype(int)
+            rows[self._points * index + picked] = part.rows
+
+    def _prop_riders(self, kind: int) -> Riders | None:
+        """Return the points on what avatars of a type carry; None where they carry nothing."""
+        props = self._sampler.take.cast.attachments
+        props = props[props["type"] == kind]
+        if not len(props):
+            return None
+        if kind not in self._props:
+            area = float(prop_areas(props).sum())
+            share = min(area / (area + _SKIN_AREA), _MOST_SHARE)
+            surface = build_prop_surface(props, max(1, round(share * self._points)))
+            self._props[kind] = Riders(*(getattr(surface, name) for name in Riders._fields))
+        return self._props[kind]
+
     def _build(
         self,
         blocks: Sequence[Poses],
@@ -212,6 +250,7 @@ class CloudSink:
             wanted = Wanted(columns, numbers.astype(np.int32), teams[numbers].astype(np.int32))
             stop = first + self._points * len(columns)
             place(bodies, when, wanted, Cloud(cloud.rows[first:stop]))
+            self._place_props(bodies, when, wanted, cloud.rows[first:stop])
             first = stop
         if standing:
             np.concatenate(standing, out=cloud.rows[on_bodies:])

@@ -13,6 +13,7 @@ from crowdsim.motion.skeleton import Skeleton
 from crowdsim.places.mesh import triangle_areas
 from crowdsim.poses.builds import capsule_segments
 from crowdsim.poses.capsules import swelling_capsules
+from crowdsim.poses.kernels.columns import TRUNK
 
 _GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 
@@ -127,6 +128,32 @@ def build_surface(skeleton: Skeleton, body: Body, points: int) -> Surface:
             positions, normals, swells, cores = (values[kept] for values in spread)
             return Surface(joints[kept].astype(np.int32), positions, normals, swells, cores, segments)
         wanted += max(1, points - len(kept))
+
+
+def build_prop_surface(props: Array, points: int) -> Surface:
+    """Spread points over what an avatar carries, by area.
+
+    Args:
+        props: Its capsules. Shape (P,), ``crowd.props.PROP``; one at the least.
+        points: Number of points K.
+    """
+    starts, ends, radii = (props[name].astype(float) for name in ("start", "end", "radius"))
+    areas = prop_areas(props)
+    edges = np.round(np.cumsum(areas) / areas.sum() * points).astype(int)
+    counts = np.diff(edges, prepend=0)
+    found = [
+        _on_capsule(starts[row], ends[row], np.repeat(radii[row], 2), int(count)) for row, count in enumerate(counts)
+    ]
+    places, normals, _ = (np.concatenate(values) for values in zip(*found, strict=True))
+    none = np.zeros((points, 3))
+    joints = np.repeat(props["joint"], counts).astype(np.int32)
+    return Surface(joints, places, normals, none, none, np.full(points, TRUNK, np.int64))
+
+
+def prop_areas(props: Array) -> Array:
+    """Return the area of each capsule that avatars carry [m2]. Shape (P,)."""
+    lengths = np.linalg.norm(props["end"].astype(float) - props["start"], axis=1)
+    return np.asarray(2.0 * np.pi * props["radius"] * (2.0 * props["radius"] + lengths))
 
 
 def _spread(body: Body, count: int) -> tuple[Array, list[Array]]:

@@ -47,7 +47,7 @@ def analyse_clip(clip: Clip, body: Body, calibrate_floor: bool = True, limbs: Se
             one frame.
         body: The body on its skeleton.
         calibrate_floor: Move the clip so that its planted soles are at y = 0.
-        limbs: Limbs whose strikes are found, numbers of ``strikes.LIMBS``.
+        limbs: Limbs whose strikes are found, numbers of ``strikers.LIMBS``.
     """
     clip, floor = on_floor(clip, body) if calibrate_floor else (clip, 0.0)
     tracks = clip_tracks(clip, body)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.joint_tree import JointTree
 from crowdsim.motion.roles import find_roles
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.motion.strikers import build_strikers
 
 ROLES = (
     "pelvis", "spine", "chest", "neck", "head",
@@ -26,8 +29,8 @@ PARTS = ("skin", "head", "glove", "shirt", "trunks", "shoe")
 HEIGHT = 1.75
 """Standing height [m] of the body for which sizes are stated; they scale with a body's own height."""
 HEAD_RADIUS, TORSO_RADIUS = 0.105, 0.15
-_SHOE, _SOLE = 0.036, 0.02
-"""Radius of a shoe, and thickness of the sole under the joint at the ball of the foot [m]."""
+_FIST, _SHOE, _SOLE = 0.06, 0.036, 0.02
+"""Radius of a glove and of a shoe, and thickness of the sole under the joint at the ball of the foot [m]."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,8 @@ class Body:
         capsule_ends: The other end [m]. Shape (K, 3).
         capsule_radii: Radius at both ends [m]. Shape (K, 2).
         capsule_parts: Index into ``PARTS`` of each capsule, which colours follow. Shape (K,), uint8.
+        props: What its hands hold that strikes, one for each hand at the most: ``joint``, ``side`` (0 left, 1 right),
+            ``offset`` of the point that strikes in the joint's frame [m], and ``radius`` [m].
     """
 
     roles: Mapping[str, int]
@@ -62,11 +67,21 @@ class Body:
     capsule_ends: Array
     capsule_radii: Array
     capsule_parts: Array
+    props: tuple[Mapping[str, Any], ...] = ()
 
     @property
     def foot_offsets(self) -> Array:
         """What each foot kicks with: the middle of the shoe over the ball, in the foot joint's frame [m]. (2, 3)."""
         return np.stack([sole[1] + _SHOE * self.height / HEIGHT * _upward(*sole) for sole in self.sole_offsets])
+
+    @cached_property
+    def strikers(self) -> Array:
+        """What it can strike with, in the order of ``strikers.LIMBS``. Shape (11,), ``STRIKER``."""
+        size = self.height / HEIGHT
+        radii = _FIST * size, _SHOE * size, self.head_radius
+        return build_strikers(
+            self.roles, self.fist_offsets, self.foot_offsets, self.head_offset, radii, size, self.props
+        )
 
 
 def standing_height(skeleton: Skeleton, roles: Mapping[str, int], positions: Array | None = None) -> float:
@@ -284,7 +299,7 @@ def _shape_limbs(capsules: _Capsules, side: str, fist: Array, sole: Array) -> No
     hip, knee, foot = (roles[f"{side}_{role}"] for role in ("hip", "knee", "foot"))
     capsules.bone(shoulder, elbow, (0.056, 0.043), "skin")
     capsules.bone(elbow, hand, (0.043, 0.034), "skin")
-    capsules.add(hand, fist * 0.35, fist, (0.045, 0.06), "glove")
+    capsules.add(hand, fist * 0.35, fist, (0.045, _FIST), "glove")
     capsules.bone(hip, knee, (0.09, 0.075), "trunks", (0.0, 0.55))
     capsules.bone(hip, knee, (0.068, 0.052), "skin", (0.55, 1.0))
     capsules.bone(knee, foot, (0.053, 0.037), "skin")

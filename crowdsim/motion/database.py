@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -22,7 +22,7 @@ from crowdsim.motion.mirroring import mirrored
 from crowdsim.motion.resampling import resample
 from crowdsim.motion.rests import RestSpans, find_rests, in_control_frames, joined_rests, no_rests
 from crowdsim.motion.skeleton import Clip, Skeleton
-from crowdsim.motion.strikes import HANDS
+from crowdsim.motion.strikers import HANDS, mirror_limb
 
 
 @dataclass(frozen=True)
@@ -52,10 +52,10 @@ class MotionDatabase:
         necks: Upper end of the torso's capsule, likewise. Shape (P, 3), float32.
         pelvises: Lower end of the torso's capsule, likewise. Shape (P, 3), float32.
         strike_frames: Playback frame at which each strike reaches furthest, ascending. Shape (S,), int32.
-        strike_limbs: What strikes, numbers of ``strikes.LIMBS``; left ones are even. Shape (S,), uint8.
+        strike_limbs: What strikes, numbers of ``strikers.LIMBS``; left ones are even. Shape (S,), uint8.
         strike_peaks: Playback frame of the limb's highest speed before that. Shape (S,), int32.
         strike_speeds: That speed, relative to the pelvis [m/s]. Shape (S,), float32.
-        strike_positions: Position of the fist or foot at ``strike_frames`` in that frame's ground frame [m].
+        strike_positions: Position of what strikes at ``strike_frames`` in that frame's ground frame [m].
             Shape (S, 3), float32.
         falls: Falls and staggers, control frames, with bearings in the ground frames at their starts. There are no
             strikes in them.
@@ -166,6 +166,7 @@ def build_database(
     progress: Progress | None = None,
     limbs: Sequence[int] = HANDS,
     rests: bool = False,
+    props: Sequence[Mapping[str, Any]] = (),
 ) -> MotionDatabase:
     """Make one database of measured clips.
 
@@ -180,8 +181,9 @@ def build_database(
         trim: Cut off lead-in calibration poses.
         calibrate_floor: Move every clip so that its planted soles are at y = 0.
         progress: Called with ("motion", clips done, clips) as the work goes on.
-        limbs: Limbs whose strikes are found, numbers of ``strikes.LIMBS``; in mirror images those of the other side.
+        limbs: Limbs whose strikes are found, numbers of ``strikers.LIMBS``; in mirror images those of the other side.
         rests: Search for rests.
+        props: What hands hold that strikes, see ``Body.props``.
 
     Raises:
         MotionError: No clips, a clip too short, skeletons that differ, rates that do not divide, or mirror images of a
@@ -195,7 +197,7 @@ def build_database(
         )
     if not clips:
         raise MotionError("no clips; expected at least one")
-    body = clips[0].body
+    body = replace(clips[0].body, props=tuple(props))
     found: list[ClipAnalysis] = []
 
     def add(clip: Clip, calibrate: bool, striking: Sequence[int]) -> None:
@@ -207,7 +209,7 @@ def build_database(
         add(_whole_frames(measured, clips[0].clip, control_rate, playback_rate, trim), calibrate_floor, limbs)
     if mirror:
         for analysis in found[: len(clips)]:
-            add(mirrored(analysis.clip, body), False, [limb ^ 1 for limb in limbs])
+            add(mirrored(analysis.clip, body), False, [mirror_limb(limb) for limb in limbs])
     return _join(found[: len(clips)], found[len(clips) :], control_rate, playback_rate, rests)
 
 
@@ -280,7 +282,7 @@ def _join(
         strike_limbs=numbers,
         strike_peaks=strikes("peaks", shift=True).astype(np.int32),
         strike_speeds=strikes("speeds"),
-        strike_positions=np.concatenate([fists, local("feet")], axis=1)[frames, numbers],
+        strike_positions=np.concatenate([fists, local("feet"), local("others")], axis=1)[frames, numbers],
         falls=falls,
         rests=joined_rests(rested, starts // stride, bool(images)),
     )

@@ -1,4 +1,4 @@
-"""Kinds of strikes: kicks, and punches by the path of the fist; and whether they are aimed at the head or the body."""
+"""Kinds of strikes by what strikes, of punches by the path of the fist; and whether they go to the head or the body."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.motion.strikes import HANDS
+from crowdsim.motion.strikers import GROUPS
 from crowdsim.motion.tracks import Tracks, build_tracks
 
-KINDS = ("straight", "hook", "uppercut", "kick")
-_KICK = KINDS.index("kick")
+KINDS = ("straight", "hook", "uppercut", "kick", "elbow", "knee", "prop", "head")
+_OTHERS = {"feet": "kick", "elbows": "elbow", "knees": "knee", "props": "prop", "head": "head"}
 HEIGHTS = ("head", "body")
 
 _OUTWARD = 0.8
@@ -32,7 +32,7 @@ def strike_kinds(database: MotionDatabase) -> Array:
 
     A strike is straight where the fist, at its highest speed, moves away from the shoulder, and the arm ends stretched.
     Else it is an uppercut where the fist's path to its furthest reach climbs, and a hook where it does not. Motion is
-    relative to the pelvis. Strikes of feet are kicks.
+    relative to the pelvis. Strikes of feet are kicks, others are what strikes.
     """
     rate = database.playback_rate
     frames, peaks = (np.asarray(one, dtype=np.int64) for one in (database.strike_frames, database.strike_peaks))
@@ -51,7 +51,9 @@ def strike_kinds(database: MotionDatabase) -> Array:
     upward = _cosine(way, np.array([0.0, 1.0, 0.0]))
     straight = (outward > _OUTWARD) & (_stretch(database, frames, hands) > _STRETCHED)
     kinds = np.where(straight, 0, np.where(upward > _UPWARD, 2, 1))
-    return np.where(np.isin(limbs, HANDS), kinds, _KICK).astype(np.uint8)
+    for group, kind in _OTHERS.items():
+        kinds[np.isin(limbs, GROUPS[group])] = KINDS.index(kind)
+    return kinds.astype(np.uint8)
 
 
 def strike_heights(database: MotionDatabase) -> Array:

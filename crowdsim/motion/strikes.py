@@ -11,15 +11,14 @@ from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.motion.body import HEIGHT
 from crowdsim.motion.kicks import foot_swing
+from crowdsim.motion.striker_swings import other_swing
+from crowdsim.motion.strikers import HANDS as HANDS
+from crowdsim.motion.strikers import HANDS_AND_FEET as HANDS_AND_FEET
+from crowdsim.motion.strikers import LIMBS as LIMBS
+from crowdsim.motion.strikers import SIDES as SIDES
 from crowdsim.motion.swings import Rejection, Swing, judge_swings
 from crowdsim.motion.tracks import Tracks, speeds
 
-LIMBS = ("left_hand", "right_hand", "left_foot", "right_foot")
-"""Limbs that strike; left ones have even numbers."""
-HANDS, ALL_LIMBS = (0, 1), (0, 1, 2, 3)
-"""Numbers of ``LIMBS``."""
-SIDES = ("left", "right")
-"""Sides of the body, by the number of a limb modulo two."""
 MINIMUM_SPEED = 2.3
 """Lowest speed of a striking fist relative to the pelvis, for a body of ``HEIGHT`` [m/s]."""
 MINIMUM_GAIN = 0.25
@@ -123,7 +122,7 @@ def fist_swing(tracks: Tracks, hand: int, size: float, fps: float) -> Swing:
 
     centre = tracks.shoulders.mean(axis=1)
     everywhere = np.ones(len(centre), bool)
-    opposite, ahead = _opposite(tracks, hand, size, fps) if fps >= _RESOLVED else (everywhere, np.zeros(len(centre)))
+    opposite, ahead = opposite_of(tracks, tracks.fists[:, hand], size, fps)
     return Swing(
         speed=fist_speed(tracks, hand, fps),
         reach=gaussian_filter1d(np.linalg.norm(tracks.fists[:, hand] - centre, axis=1), 0.01 * fps),
@@ -137,11 +136,20 @@ def fist_swing(tracks: Tracks, hand: int, size: float, fps: float) -> Swing:
     )
 
 
-def _opposite(tracks: Tracks, hand: int, size: float, fps: float) -> tuple[Array, Array]:
-    """Return where a fist at its furthest reach goes to where an opponent could stand, and how far ahead it is [m]."""
+def opposite_of(tracks: Tracks, fist: Array, size: float, fps: float) -> tuple[Array, Array]:
+    """Return where a fist at its furthest reach goes to where an opponent could stand, and how far ahead it is [m].
+
+    Args:
+        tracks: Paths of the body's points.
+        fist: Path of the fist, or of something else that strikes [m]. Shape (F, 3).
+        size: Height of the body over ``HEIGHT``.
+        fps: Frames a second; where they are too few, it is everywhere.
+    """
     from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-    fist, centre = tracks.fists[:, hand], tracks.shoulders.mean(axis=1)
+    if fps < _RESOLVED:
+        return np.ones(len(fist), bool), np.zeros(len(fist))
+    centre = tracks.shoulders.mean(axis=1)
     trunk = tracks.ground[:, 2]
     steady = gaussian_filter1d(trunk, _STEADY * fps, mode="nearest")
     before = steady[np.maximum(np.arange(len(steady)) - round(_BEFORE * fps), 0)]
@@ -168,7 +176,8 @@ def find_strikes(tracks: Tracks, height: float, fps: float, limbs: Sequence[int]
     """Find the strikes of some limbs.
 
     A strike is a peak of the limb's speed relative to the pelvis, after which its reach comes to a local maximum that
-    lies well beyond where the swing began, ahead of the body (``fist_swing``, ``kicks.foot_swing``, ``judge_swings``).
+    lies well beyond where the swing began, ahead of the body (``fist_swing``, ``kicks.foot_swing``,
+    ``striker_swings.other_swing``, ``judge_swings``).
 
     Args:
         tracks: Paths of the body's points.
@@ -183,7 +192,7 @@ def find_strikes(tracks: Tracks, height: float, fps: float, limbs: Sequence[int]
     for hand in HANDS:
         highest = max(highest, float(fist_speed(tracks, hand, fps).max(initial=0.0)))
     for limb in sorted(set(limbs)):
-        swing = fist_swing(tracks, limb, size, fps) if limb in HANDS else foot_swing(tracks, limb - 2, size, fps)
+        swing = _swing(tracks, limb, size, fps)
         kept, others = judge_swings(swing, fps)
         found.extend((frame, limb, peak, float(swing.speed[peak])) for frame, peak in kept)
         rejected.extend((peak, limb, float(swing.speed[peak]), reason) for peak, reason in others)
@@ -200,6 +209,15 @@ def find_strikes(tracks: Tracks, height: float, fps: float, limbs: Sequence[int]
         highest_speed=highest,
         rejected=_rejected(sorted(rejected)),
     )
+
+
+def _swing(tracks: Tracks, limb: int, size: float, fps: float) -> Swing:
+    """Return what a limb does."""
+    if limb in HANDS:
+        return fist_swing(tracks, limb, size, fps)
+    if limb in HANDS_AND_FEET:
+        return foot_swing(tracks, limb - 2, size, fps)
+    return other_swing(tracks, limb, opposite_of(tracks, tracks.strikers[:, limb], size, fps), size, fps)
 
 
 def _rejected(swings: list[tuple[int, int, float, Rejection]]) -> Rejected:

@@ -11,6 +11,7 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.body import HEIGHT, Body
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.skeleton import Clip
+from crowdsim.motion.strikers import HANDS_AND_FEET
 
 _FEET = 8.0
 """How much more than hips and shoulders the feet say where a stance looks; those two where feet are close together."""
@@ -37,6 +38,8 @@ class Tracks:
         pelvises: Lower end of the torso [m]. Shape (F, 3).
         heels: Left and right heel on the sole [m]. Shape (F, 2, 3).
         balls: Ball of the left and right foot on the sole [m]. Shape (F, 2, 3).
+        others: What else strikes, in the order of ``strikers.LIMBS`` after hands and feet [m]; NaN for props that are
+            not there. Shape (F, 7, 3).
     """
 
     ground: Array
@@ -49,11 +52,12 @@ class Tracks:
     pelvises: Array
     heels: Array
     balls: Array
+    others: Array
 
     @property
     def strikers(self) -> Array:
-        """Points that strike, in the order of ``strikes.LIMBS`` [m]. Shape (F, 4, 3)."""
-        return np.concatenate([self.fists, self.feet], axis=1)
+        """Points that strike, in the order of ``strikers.LIMBS`` [m]. Shape (F, 11, 3)."""
+        return np.concatenate([self.fists, self.feet, self.others], axis=1)
 
 
 def build_tracks(body: Body, positions: Array, rotations: Array) -> Tracks:
@@ -87,7 +91,17 @@ def build_tracks(body: Body, positions: Array, rotations: Array) -> Tracks:
         pelvises=pelvis,
         heels=positions[:, feet] + quaternion.rotate(rotations[:, feet], body.sole_offsets[:, 0]),
         balls=balls,
+        others=_others(body, positions, rotations),
     )
+
+
+def _others(body: Body, positions: Array, rotations: Array) -> Array:
+    """Return the points of all strikers but hands and feet. Shape (F, 7, 3)."""
+    rows = body.strikers[len(HANDS_AND_FEET) :]
+    joints = rows["joint"]
+    points = positions[:, joints] + quaternion.rotate(rotations[:, joints], rows["offset"])
+    points[:, joints < 0] = np.nan
+    return np.asarray(points)
 
 
 def clip_tracks(clip: Clip, body: Body) -> Tracks:

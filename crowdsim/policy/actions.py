@@ -10,7 +10,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.motion.strikes import HANDS
+from crowdsim.motion.strikers import LEGS
 from crowdsim.policy.alignment import Alignment, align_actions
 
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ def build_actions(database: MotionDatabase, graph: MotionGraph, alignment: Align
     at = database.strike_frames[ids]
     stances = ground.compose(undo[striker], database.ground[at])
     places = ground.to_world(stances, database.strike_positions[ids]).reshape(-1, 3).astype(np.float32)
-    kicks = ~np.isin(database.strike_limbs, HANDS)
+    kicks = np.isin(database.strike_limbs, LEGS)
     punches = ~kicks
     if not punches.any():
         punches[:] = True

@@ -17,6 +17,7 @@ from crowdsim.policy.environment import MOST_AXES, Axis, build_grid
 from crowdsim.policy.reported import Statistics
 from crowdsim.policy.rewards import AnyTerm, ProximityTerm
 
+Near = Annotated[float, Field(ge=-NEAR, le=NEAR)]
 _TOES = ("left_toe", "right_toe")
 _MOST_BEHAVIOURS, _MOST_CELLS = 64, 1 << 31
 
@@ -50,6 +51,15 @@ class SkeletonPart(DocumentModel):
     names: list[Text] = Field(min_length=1, max_length=4096)
 
 
+class PropPart(DocumentModel):
+    """What a hand holds that strikes, see ``Body.props``."""
+
+    joint: Count
+    side: Literal[0, 1]
+    offset: list[Near] = Field(min_length=3, max_length=3)
+    radius: Size
+
+
 class BodyPart(DocumentModel):
     """What is no array of a body."""
 
@@ -57,6 +67,7 @@ class BodyPart(DocumentModel):
     height: Size
     head_radius: Size
     torso_radius: Size
+    props: list[PropPart] = Field(default_factory=list, max_length=2)
 
     @model_validator(mode="after")
     def _complete(self) -> BodyPart:
@@ -157,6 +168,9 @@ class PolicyDocument(DocumentModel):
     @model_validator(mode="after")
     def _together(self) -> PolicyDocument:
         joints = len(self.skeleton.names)
+        for index, prop in enumerate(self.body.props):
+            if prop.joint >= joints:
+                raise Fault(f"is {prop.joint}, expected a joint below {joints}", "body", "props", index, "joint")
         for role, joint in self.body.roles.items():
             if joint >= joints:
                 raise Fault(f"is {joint}, expected a joint from 0 to {joints - 1}", "body", "roles", role)

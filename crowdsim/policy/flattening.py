@@ -17,6 +17,7 @@ from crowdsim.graph.motion_graph import MotionGraph
 from crowdsim.motion.body import Body
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.motion.strikers import GROUPS, LIMBS
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.behind_checks import BEHIND, count_behind
 from crowdsim.policy.checks import DEFENCE, STATE_VALUES, check_arrays
@@ -148,6 +149,11 @@ def check_flattened(document: Mapping[str, Any], arrays: Mapping[str, Array]) ->
         "W": states * sum(count for report, count in zip(behaviours, cells, strict=True) if "state_values" in report),
     }
     check_arrays(arrays, sizes, stride, (STATE_VALUES, DEFENCE, *BEHIND))
+    held = {LIMBS[GROUPS["props"][prop["side"]]] for prop in document["body"].get("props", ())}
+    struck = {LIMBS[limb] for limb in np.unique(arrays["database_strike_limbs"])}
+    lacking = sorted(struck.intersection(LIMBS[limb] for limb in GROUPS["props"]) - held)
+    if lacking:
+        raise ArrayFault("database_strike_limbs", f"name a {lacking[0]}, which the body does not hold")
     longest = int(arrays["actions_lengths"].max()) + 1
     if len(behaviours) * longest**2 > _MOST_POWERS:
         what = f"are up to {longest - 1} control frames for {len(behaviours)} behaviours"

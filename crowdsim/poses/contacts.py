@@ -11,7 +11,6 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.record import TakeData
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
-from crowdsim.motion.strikes import LIMBS
 from crowdsim.policy.rewards import TargetBody, posed_distance
 from crowdsim.poses.capsules import PosedBodies
 from crowdsim.poses.guards import guard_of, guard_points, unit
@@ -105,11 +104,11 @@ def _near_side(
 
 
 def body_points(body: Body, positions: Array, rotations: Array, scales: Array) -> tuple[Array, Array, Array, Array]:
-    """Return head (n, 3), neck (n, 3), pelvis (n, 3) and fists and feet (n, 4, 3) of posed bodies [m]."""
+    """Return head (n, 3), neck (n, 3), pelvis (n, 3) and strikers (n, 11, 3) of posed bodies [m]."""
     roles = body.roles
     sizes = np.asarray(scales)[:, None]
     head = positions[:, roles["head"]] + sizes * quaternion.rotate(rotations[:, roles["head"]], body.head_offset)
-    ends, offsets = [roles[limb] for limb in LIMBS], np.concatenate([body.fist_offsets, body.foot_offsets])
+    ends, offsets = body.strikers["joint"], body.strikers["offset"]
     strikers = positions[:, ends] + sizes[..., None] * quaternion.rotate(rotations[:, ends], offsets)
     return head, positions[:, roles["neck"]], positions[:, roles["pelvis"]], strikers
 

@@ -30,7 +30,7 @@ class Landed:
         attackers: Shape (E,).
         victims: Shape (E,); below -1 a scripted target.
         hands: Side of the limb, 0 left, 1 right. Shape (E,).
-        limbs: Numbers of ``strikes.LIMBS``. Shape (E,).
+        limbs: Numbers of ``strikers.LIMBS``. Shape (E,).
         points: Where the fist or foot was [m]. Shape (E, 3).
         speeds: Shape (E,) [m/s].
         spans: How long before and after it the limb is on its way, no longer than to its strikes before and after

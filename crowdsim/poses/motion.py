@@ -86,8 +86,6 @@ class PoseMotion:
         arms: The arms.
         hinges: Elbows and knees.
         gait: How it steps.
-        strikers: Position of what each limb strikes with, in the order of ``strikes.LIMBS``, in the frame's ground
-            frame [m]. Shape (P, 4, 3), float32.
         trunks: Centre of the head, upper and lower end of the trunk in the frame's ground frame [m]. Shape (P, 3, 3),
             float32.
         looks: Heading of the face and of the chest in the frame's ground frame [rad]. Shape (P, 2), float32.
@@ -108,7 +106,6 @@ class PoseMotion:
     arms: Limbs
     hinges: Hinges
     gait: Gait
-    strikers: Array
     trunks: Array
     looks: Array
     strikes: Array
@@ -140,8 +137,6 @@ def prepare_motion(policy: Policy) -> PoseMotion:
     legs = measure_limbs(skeleton, body, ("hip", "knee", "foot"), body.sole_offsets, bends, sample)
     feet = legs.joints[:, 2]
     holds = positions[:, feet] + quaternion.rotate(world_rotations[:, feet], legs.holds)
-    kicking = positions[:, feet] + quaternion.rotate(world_rotations[:, feet], body.foot_offsets)
-    strikers = np.concatenate([database.fists, ground.to_local(database.ground[:, None], kicking)], axis=1)
     down = fallen_frames(database)
     contacts = np.array(database.contacts, dtype=bool) & ~down[:, None]
     clip = np.searchsorted(starts, np.arange(starts[-1]), side="right") - 1
@@ -170,7 +165,6 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         arms=measure_limbs(skeleton, body, ("shoulder", "elbow", "hand"), fists, bends, sample),
         hinges=measure_hinges(skeleton, body, positions[telling]),
         gait=measure_gait(contacts[telling], holds[telling], _kept(starts, telling), float(database.playback_rate)),
-        strikers=strikers.astype(np.float32),
         trunks=np.stack([database.heads, database.necks, database.pelvises], axis=1),
         looks=_looks(body, skeleton, headings, world_rotations),
         strikes=np.asarray(database.strike_frames, dtype=np.int64),

@@ -58,7 +58,7 @@ def check_file(path: Path) -> tuple[list[str], list[str]]:
         scenario = load_scenario(path)
     except CrowdsimError as error:
         return str(error).splitlines(), []
-    for check in (_behaviour_findings, _time_findings, _stance_findings, _output_findings):
+    for check in (_behaviour_findings, _time_findings, _stance_findings, _attachment_findings, _output_findings):
         try:
             lines += map(str, scenario.place(check(scenario)))
         except CrowdsimError as error:
@@ -163,6 +163,13 @@ def _stance_findings(scenario: Scenario) -> list[Finding]:
     return stance_findings(
         scenario, _trained(kind.policy for kind in scenario.types.values() if kind.stance is not None)
     )
+
+
+def _attachment_findings(scenario: Scenario) -> list[Finding]:
+    """Return a finding for each attachment at a joint that its avatars lack, or whose mesh cannot be read."""
+    from crowdsim.crowd.attachments import attachment_findings
+
+    return attachment_findings(scenario, _trained(kind.policy for kind in scenario.types.values() if kind.attachments))
 
 
 def _output_findings(scenario: Scenario) -> list[Finding]:

@@ -93,6 +93,9 @@ class Stage:
         shown = Shown(stop or frame + 1, self.scales)
         poses = self.source.poses(frame, shown)
         capsules = self.cast.place(poses, self.source.markers(frame))
+        held = getattr(self.source, "held", None)
+        if held is not None:
+            capsules = join_capsules(capsules, held(poses))
         skins = None
         if self.skins is not None:
             least = BODY_SCALE if self.look.figure == "auto" else LEAST_SCALE

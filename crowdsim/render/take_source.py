@@ -13,14 +13,18 @@ from crowdsim.body.looks import usual_build
 from crowdsim.body.skin import Skin, build_skin_of
 from crowdsim.core.types import Array
 from crowdsim.policy.policy import Policy
+from crowdsim.poses.attachments import place_attachments
 from crowdsim.poses.sampler import Poses, PoseSampler, unseen_layers
 from crowdsim.render.figure import Figure
+from crowdsim.render.raycast import Capsules
 from crowdsim.render.source import Shown
 from crowdsim.scenario.camera import Camera
 from crowdsim.take.take import Take
 
 _BLOCK_BYTES = 48 << 20
 _MOST_FRAMES = 32
+_HELD, _GLOSS = -1_000_000, 0.15
+"""Number of the figure of what avatar 0 carries, and its gloss."""
 _FLASH_REACH = 0.4
 """How far back ``recent_strikes`` looks [s]."""
 
@@ -173,6 +177,20 @@ class TakeSource:
                 found.append((start + low, poses, there[low:high, poses.avatars]))
         return _Block(start, stop, scales, found)
 
+    def held(self, poses: list[tuple[Array, Array]]) -> Capsules:
+        """Return the capsules of what avatars carry, for the poses of a frame; a figure each."""
+        cast = self.take.cast
+        if not len(cast.attachments):
+            return Capsules(np.empty((0, 8), np.float32), np.empty((0, 4), np.float32), np.empty(0, np.int32))
+        found = [
+            place_attachments(cast, np.flatnonzero(self.avatar_figures == figure), *joints)
+            for figure, joints in enumerate(poses)
+        ]
+        avatars, starts, ends, radii, colours = (np.concatenate(part) for part in zip(*found, strict=True))
+        shapes = np.concatenate([starts, ends, radii[:, None], radii[:, None]], axis=1)
+        paints = np.concatenate([colours.astype(float) ** 2, np.full((len(colours), 1), _GLOSS)], axis=1)
+        return Capsules(shapes.astype(np.float32), paints.astype(np.float32), (_HELD - avatars).astype(np.int32))
+
     def skin(self, avatar: int, coarseness: float) -> Skin:
         """Return the skin of an avatar, by its girth and lengths; edges are so many times as long as usual."""
         cast = self.take.cast
@@ -210,7 +228,7 @@ def _digest(take: Take) -> str:
     digest = hashlib.sha256(repr((*named, take.reactions, take.collision_avoidance)).encode())
     cast, events = take.cast, take.events
     of_cast = (cast.types, cast.teams, cast.policies, cast.scales, cast.girths, cast.speeds, cast.colours)
-    for array in (*of_cast, cast.stretches, events.point, events.outcome):
+    for array in (*of_cast, cast.stretches, cast.attachments, events.point, events.outcome):
         digest.update(np.ascontiguousarray(array).tobytes())
     for frame in np.unique(np.linspace(0, take.frame_count - 1, 8).astype(int)):
         for variable in (take.action, take.action_frame, take.x, take.z, take.heading):

@@ -146,6 +146,7 @@ class Description(StrictModel):
         named = [getattr(group.placement, "file", None) for group in self.groups]
         plans = (self.obstacles,) if isinstance(self.obstacles, PlanObstacle) else self.obstacles
         named += [plan.file for plan in plans if isinstance(plan, PlanObstacle)]
+        named += [getattr(one, "file", None) for kind in self.types.values() for one in kind.attachments or ()]
         return tuple(dict.fromkeys(file for file in named if file is not None))
 
     @property

@@ -12,6 +12,7 @@ from crowdsim.config.schema import join
 from crowdsim.errors import nearest
 from crowdsim.places.description import FARTHEST as FARTHEST
 from crowdsim.places.description import Point as Point
+from crowdsim.scenario.attachments import Attachment
 from crowdsim.scenario.distributions import Distribution, QuantitySpread, Spread, limits
 from crowdsim.scenario.fitness import Damage, Stamina
 from crowdsim.scenario.names import NAME, NAME_RULE, is_name
@@ -205,6 +206,12 @@ class AvatarType(StrictModel):
     )
     colour: Colour | None = Field(
         default=None, description="Colour in pictures as '#rrggbb'; without it the team's colour."
+    )
+    attachments: tuple[Attachment, ...] | None = Field(
+        default=None,
+        max_length=50,
+        description="What avatars hold or wear, which pictures and clouds show. Null: the sticks that their policy "
+        "strikes with, if any; an empty list: nothing.",
     )
 
     @model_validator(mode="after")

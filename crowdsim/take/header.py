@@ -45,4 +45,10 @@ class TakeHeader:
             # xarray reads coordinates that are no dimensions from here.
             "coordinates": " ".join(COORDINATES),
             "type_colours": [[None if math.isnan(c) else float(c) for c in row] for row in cast.colours],
+            **({"attachments": [_plain(row) for row in cast.attachments]} if len(cast.attachments) else {}),
         }
+
+
+def _plain(row: Any) -> dict[str, Any]:
+    """Return a row of what avatars carry as plain data."""
+    return {name: row[name].tolist() for name in row.dtype.names}

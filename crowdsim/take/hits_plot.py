@@ -30,6 +30,13 @@ _STRIKERS = (
     ("right fist", "tab:red"),
     ("left foot", "tab:cyan"),
     ("right foot", "tab:orange"),
+    ("left elbow", "tab:purple"),
+    ("right elbow", "tab:pink"),
+    ("left knee", "tab:olive"),
+    ("right knee", "tab:brown"),
+    ("left prop", "navy"),
+    ("right prop", "darkred"),
+    ("head", "black"),
 )
 _LIMBS, _TARGET = "#e4e4e4", "#bdbdbd"
 
@@ -66,7 +73,7 @@ class Hits:
     Attributes:
         points: Where, in the silhouette's ground frame [m]. Shape (H, 3).
         on_head: Whether the head was nearer than the torso. Shape (H,).
-        limbs: Numbers of ``strikes.LIMBS``. Shape (H,).
+        limbs: Numbers of ``strikers.LIMBS``. Shape (H,).
         count: Number of strikes that landed in the run; H is less where only some are drawn.
         blocked: Likewise where fists and feet are of strikes that an arm blocked [m]. Shape (B, 3).
     """

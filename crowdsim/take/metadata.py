@@ -64,6 +64,21 @@ class FramesFacts(ArrayFacts):
     shape: list[_Length] = Field(min_length=2, max_length=2)
 
 
+_Near = Annotated[float, Field(ge=-1000.0, le=1000.0)]
+_Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class PropFacts(DocumentModel):
+    """A capsule that avatars of a type carry, see ``crowd.props.PROP``."""
+
+    type: Annotated[int, Field(ge=0, le=1 << 14)]
+    joint: Annotated[int, Field(ge=0, le=1 << 14)]
+    start: list[_Near] = Field(min_length=3, max_length=3)
+    end: list[_Near] = Field(min_length=3, max_length=3)
+    radius: Annotated[float, Field(gt=0.0, le=1000.0)]
+    colour: list[_Share] = Field(min_length=3, max_length=3)
+
+
 class TakeAttributes(OpenModel):
     """The file ``.zattrs`` of a take."""
 
@@ -80,6 +95,7 @@ class TakeAttributes(OpenModel):
     group_names: list[str] = Field(default_factory=list)
     reactions: bool = True
     collision_avoidance: bool = True
+    attachments: list[PropFacts] = Field(default_factory=list, max_length=1 << 20)
     type_colours: list[list[Annotated[float, Field(ge=0.0, le=1.0)] | None]]
 
     @model_validator(mode="after")
@@ -89,6 +105,10 @@ class TakeAttributes(OpenModel):
             raise Fault(what, "policy_fingerprints")
         if len(self.type_colours) != len(self.type_names) or any(len(row) != 3 for row in self.type_colours):
             raise Fault(f"expected red, green and blue of each of {len(self.type_names)} types", "type_colours")
+        for index, prop in enumerate(self.attachments):
+            if prop.type >= len(self.type_names):
+                what = f"is {prop.type}, expected one of {len(self.type_names)} types"
+                raise Fault(what, "attachments", index, "type")
         return self
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 
 from crowdsim.array_checks import ArrayFault, Column, check_shape
 from crowdsim.core.types import Array
+from crowdsim.crowd.props import PROP
 from crowdsim.errors import TakeError
 from crowdsim.scenario.names import NAME_RULE, avatar_name_fault, is_name
 from crowdsim.take import checks
@@ -52,6 +54,7 @@ def read_take(folder: Path) -> Take:
         policy_names=tuple(attributes["policy_names"]),
         group_names=tuple(attributes.get("group_names", ())),
         colours=np.array(colours, float).reshape(-1, 3),
+        attachments=_read_attachments(attributes),
     )
     _check_names(folder, cast)
     frames = _open_frames(folder, sizes)
@@ -71,6 +74,16 @@ def read_take(folder: Path) -> Take:
         reactions=attributes.get("reactions", True),
         collision_avoidance=attributes.get("collision_avoidance", True),
     )
+
+
+def _read_attachments(attributes: Mapping[str, Any]) -> Array:
+    """Return what avatars of each type carry. Shape (P,), ``PROP``."""
+    given = attributes.get("attachments", ())
+    props = np.zeros(len(given), PROP)
+    for name in PROP.names or ():
+        for row, one in enumerate(given):
+            props[name][row] = one[name]
+    return props
 
 
 def _read_attributes(folder: Path) -> dict[str, Any]:

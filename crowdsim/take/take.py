@@ -30,7 +30,7 @@ STRIKE = np.dtype(
         ("attacker", "i4"),
         ("victim", "i4"),
         ("hand", "U5"),
-        ("limb", "U10"),
+        ("limb", "U11"),
         ("x", "f4"),
         ("y", "f4"),
         ("z", "f4"),

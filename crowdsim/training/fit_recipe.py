@@ -12,14 +12,13 @@ from crowdsim import assets
 from crowdsim.config.files import dump_yaml
 from crowdsim.config.tree import scalar
 from crowdsim.errors import MotionError, OutputError, RecipeError
-from crowdsim.motion.strikes import ALL_LIMBS, HANDS, LIMBS
+from crowdsim.motion.strikers import FEET, HANDS_AND_FEET, LIMBS
 from crowdsim.training.no_strikes_report import describe_fists
 from crowdsim.training.survey import Survey
 
 TEMPLATE = "boxer_cmu"
 """The shipped recipe whose behaviours are taken."""
 
-FEET = tuple(limb for limb in ALL_LIMBS if limb not in HANDS)
 BEHAVIOURS = ("approach", "punch", "fight")
 WITHOUT_STRIKES = ("approach",)
 """Behaviours that can be learned without strikes; where their targets are wanted is then ``STILL_DISTANCE``."""
@@ -170,7 +169,7 @@ def recipe_text(survey: Survey, behaviours: Sequence[str], place: Path) -> str:
 def _head(survey: Survey, mirror: bool, place: Path) -> str:
     """Return the first part of a recipe: what it was made from, and the motion."""
     count, struck = len(survey.used), survey.strikes
-    names = [limb.replace("_", " ") for limb in LIMBS]
+    names = [limb.replace("_", " ") for limb in LIMBS[: len(HANDS_AND_FEET)]]
     by_limb = ", ".join(f"{amount} {name}" for amount, name in zip(struck, names, strict=True) if amount)
     lines = [
         f"# Written by crowdsim train --mocap from {count} BVH file{'s' * (count > 1)}, {survey.seconds:.0f} s with "

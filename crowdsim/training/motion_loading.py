@@ -81,6 +81,7 @@ def load_motion(
         progress=progress,
         limbs=recipe.strikes.numbers(),
         rests=recipe.rest is not None,
+        props=recipe.strikes.held(clips[0].body.roles) if clips else (),
     )
     if not len(database.strike_frames):
         require_no_strikes(recipe, captures)

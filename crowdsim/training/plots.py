@@ -11,7 +11,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.figures import new_figure, save_figure
 from crowdsim.graph.settings import GraphSettings
-from crowdsim.motion.strikes import ALL_LIMBS, HANDS
+from crowdsim.motion.strikers import HANDS, LIMBS
 from crowdsim.policy.policy import Behaviour, Policy, build_lookup_tables
 from crowdsim.training.motion_kinds import MotionKind, motion_kinds
 from crowdsim.training.statistics import PAPER_REACH
@@ -26,8 +26,15 @@ STRIKERS = (
     ("right hand", "tab:red"),
     ("left foot", "tab:cyan"),
     ("right foot", "tab:orange"),
+    ("left elbow", "tab:purple"),
+    ("right elbow", "tab:pink"),
+    ("left knee", "tab:olive"),
+    ("right knee", "tab:brown"),
+    ("left prop", "navy"),
+    ("right prop", "darkred"),
+    ("head", "black"),
 )
-"""Name and colour of each of ``strikes.LIMBS``."""
+"""Name and colour of each of ``strikers.LIMBS``."""
 HEAD = 1.5
 """Height of a target's head where a behaviour does not depend on height [m]."""
 NEARBY = 2.5
@@ -91,7 +98,7 @@ def strikes_figure(policy: Policy) -> Figure:
     figure = new_figure(13, 8)
     above, *others = (figure.add_subplot(2, 3, place) for place in (1, 2, 3, 5, 6))
     legend = figure.add_subplot(2, 3, 4)
-    limbs = [limb for limb in ALL_LIMBS if limb in HANDS or (database.strike_limbs == limb).any()]
+    limbs = [limb for limb in range(len(LIMBS)) if limb in HANDS or (database.strike_limbs == limb).any()]
     for limb in limbs:
         own, (label, colour) = database.strike_limbs == limb, STRIKERS[limb]
         above.scatter(-x[own], z[own], s=12, color=colour, label=f"{label} ({int(own.sum())})", alpha=0.7)

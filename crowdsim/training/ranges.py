@@ -11,7 +11,8 @@ from crowdsim.core.types import Array
 from crowdsim.errors import MotionError
 from crowdsim.motion import ground
 from crowdsim.motion.database import MotionDatabase
-from crowdsim.motion.strikes import HANDS, describe_strikes_needed
+from crowdsim.motion.strikers import LEGS
+from crowdsim.motion.strikes import describe_strikes_needed
 from crowdsim.policy.axes.registry import kind_named
 from crowdsim.policy.environment import Axis, Grid, build_grid
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, Term
@@ -88,7 +89,7 @@ def striking_range(database: MotionDatabase) -> tuple[float, float]:
     starts = np.asarray(database.clip_starts, np.int64) * database.stride
     swung = frames - round(SWING * database.playback_rate)
     swung = np.maximum(swung, starts[np.searchsorted(starts, frames, side="right") - 1])
-    before = np.where(np.isin(limbs, HANDS), frames, swung)
+    before = np.where(np.isin(limbs, LEGS), swung, frames)
     moved = ground.compose(ground.inverse(database.ground[before]), database.ground[frames])
     points = np.asarray(database.strike_positions, dtype=float)
     kicked = (before < frames)[:, None]

@@ -265,6 +265,12 @@ class Recipe(StrictModel):
         return self
 
     @model_validator(mode="after")
+    def _holds_props_in_one_hand(self) -> Recipe:
+        if self.strikes.props and self.motion.mirror:
+            raise Fault("is true, but strikes.props lie in one hand, expected false", "motion", "mirror")
+        return self
+
+    @model_validator(mode="after")
     def _whole_multiple(self) -> Recipe:
         stride = self.playback_rate / self.control_rate
         if stride < 1.0 or not math.isclose(stride, round(stride)):

@@ -14,7 +14,7 @@ from crowdsim.graph.statistics import frames_kept_by_clip, graph_statistics
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.falls import FallSpans
 from crowdsim.motion.strike_kinds import HEIGHTS, KINDS, strike_heights, strike_kinds
-from crowdsim.motion.strikes import HANDS, SIDES
+from crowdsim.motion.strikers import FEET, HANDS, SIDES
 from crowdsim.policy.policy import Policy
 from crowdsim.policy.rests import Rests, rests_of
 from crowdsim.training.pursuit import sustained_speed
@@ -25,6 +25,10 @@ from crowdsim.training.weaknesses import find_weaknesses
 
 PAPER_REACH = {"bearing": (-1.114, 1.317), "distance": (0.297, 1.293), "height": (1.266, 1.624)}
 """The region that the paper's strikes reach (section 6): [rad], [m], [m]."""
+
+
+_PUNCHES = KINDS.index("kick")
+"""Kinds before this one are of fists."""
 
 
 def policy_statistics(policy: Policy, solutions: Mapping[str, Solution]) -> dict[str, Any]:
@@ -81,11 +85,11 @@ def policy_statistics(policy: Policy, solutions: Mapping[str, Solution]) -> dict
 def _count_strikes(database: MotionDatabase, own: Array) -> dict[str, Any]:
     """Return what strikes reach, and how many there are of each limb, kind and height, mirror images left out.
 
-    Feet and kicks are counted where there are any.
+    Feet, and kinds that are no punches, are counted where there are any.
     """
     limbs = np.asarray(database.strike_limbs)
-    punches = np.isin(limbs, HANDS)
-    sides = limbs % 2
+    sides, kinds = limbs % 2, strike_kinds(database)
+    kicks = np.isin(limbs, FEET)
 
     def count(names: tuple[str, ...], numbers: Array) -> dict[str, int]:
         return {name: int(np.sum(numbers[own] == number)) for number, name in enumerate(names)}
@@ -93,9 +97,12 @@ def _count_strikes(database: MotionDatabase, own: Array) -> dict[str, Any]:
     return {
         "reach": asdict(strike_reach(database)),
         "striking_range": list(striking_range(database)),
-        "by_hand": count(SIDES, np.where(punches, sides, -1)),
-        **({} if punches.all() else {"by_foot": count(SIDES, np.where(punches, -1, sides))}),
-        "by_kind": count(KINDS[: -1 if punches.all() else None], strike_kinds(database)),
+        "by_hand": count(SIDES, np.where(np.isin(limbs, HANDS), sides, -1)),
+        **({"by_foot": count(SIDES, np.where(kicks, sides, -1))} if kicks.any() else {}),
+        "by_kind": {
+            **count(KINDS[:_PUNCHES], kinds),
+            **{name: number for name, number in count(KINDS, kinds).items() if name in KINDS[_PUNCHES:] and number},
+        },
         "by_height": count(HEIGHTS, strike_heights(database)),
     }
 

@@ -12,7 +12,7 @@ from crowdsim.errors import BvhError, MotionError, PolicyError
 from crowdsim.motion.measuring import MeasuredClip
 from crowdsim.motion.retargeting import retarget
 from crowdsim.motion.skeleton import Skeleton
-from crowdsim.motion.strikes import ALL_LIMBS, LIMBS
+from crowdsim.motion.strikers import HANDS_AND_FEET
 from crowdsim.training.fingerprint import bvh_files
 from crowdsim.training.no_strikes_report import Fists, measure_fists
 
@@ -34,7 +34,7 @@ class SurveyedFile:
     name: str
     reason: str
     seconds: float = 0.0
-    strikes: tuple[int, ...] = (0,) * len(LIMBS)
+    strikes: tuple[int, ...] = (0,) * len(HANDS_AND_FEET)
     fists: Fists | None = None
     skeleton: Skeleton | None = None
     change: str = ""
@@ -62,7 +62,7 @@ class Survey:
     @property
     def strikes(self) -> tuple[int, ...]:
         """Strikes found in them by limb."""
-        return tuple(sum(file.strikes[limb] for file in self.used) for limb in ALL_LIMBS)
+        return tuple(sum(file.strikes[limb] for file in self.used) for limb in HANDS_AND_FEET)
 
 
 def survey_capture(folder: FileName, progress: Progress | None = None) -> Survey:
@@ -141,7 +141,7 @@ def _survey_person(capture: Capture, name: str) -> SurveyedFile:
     if capture.analysis is None:
         return SurveyedFile(name, "no motion of a body")
     limbs = capture.analysis.strikes.limbs
-    strikes = tuple(int((limbs == limb).sum()) for limb in ALL_LIMBS)
+    strikes = tuple(int((limbs == limb).sum()) for limb in HANDS_AND_FEET)
     return SurveyedFile(name, "", motion.seconds, strikes, measure_fists(name, capture), clip.skeleton)
 
 

@@ -146,7 +146,7 @@ def test_ways_begin_no_earlier_than_their_clip():
     starts = np.zeros((early.actions.action_count, 3))
     ways = way_rows([early], [starts])
     limbs = early.database.strike_limbs[early.actions.strike_ids]
-    for limb, (role, offset) in enumerate(zip(LIMBS, offsets_of(early.database.body), strict=True)):
+    for limb, (role, offset) in enumerate(zip(LIMBS[:4], offsets_of(early.database.body), strict=True)):
         expected = naive_strikes.limb_at(early, first, role, offset)
         mine = ways[limbs == limb]
         np.testing.assert_allclose(mine, np.broadcast_to(expected, mine.shape), atol=1e-5)

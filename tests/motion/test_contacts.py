@@ -20,8 +20,9 @@ def _tracks(balls: np.ndarray) -> Tracks:
     pair = np.repeat(still[:, None], 2, axis=1)
     positions = np.zeros((frames, 3))
     return Tracks(
-        positions, positions, pair, pair, pair, still, still, still, balls + np.array([0.0, 0.02, 0.0]), balls
-    )
+        positions, positions, pair, pair, pair, still, still, still, balls + np.array([0.0, 0.02, 0.0]), balls,
+        np.full((frames, 7, 3), np.nan),
+    )  # fmt: skip
 
 
 def _step(fps: float = 60.0, lift: float = 0.15) -> np.ndarray:

@@ -16,7 +16,7 @@ from crowdsim.motion.measuring import measure_body, measure_clips
 from crowdsim.motion.mirroring import mirrored
 from crowdsim.motion.skeleton import Clip
 from crowdsim.motion.strike_kinds import KINDS, strike_kinds
-from crowdsim.motion.strikes import ALL_LIMBS, HANDS, LIMBS, Strikes, find_strikes
+from crowdsim.motion.strikes import HANDS, HANDS_AND_FEET, LIMBS, Strikes, find_strikes
 from crowdsim.motion.swings import Rejection
 from crowdsim.motion.tracks import clip_tracks
 from crowdsim.performer.session import perform
@@ -24,7 +24,7 @@ from crowdsim.performer.session import perform
 FEET = (2, 3)
 
 
-def found(clip: Clip, limbs: tuple[int, ...] = ALL_LIMBS) -> Strikes:
+def found(clip: Clip, limbs: tuple[int, ...] = HANDS_AND_FEET) -> Strikes:
     body = measure_body(clip)
     return find_strikes(clip_tracks(clip, body), body.height, clip.fps, limbs)
 

@@ -39,6 +39,7 @@ def _tracks(left: np.ndarray, right: np.ndarray) -> Tracks:
         pelvises=body * [0.0, 0.95, 0.0],
         heels=feet,
         balls=feet,
+        others=np.full((frames, 7, 3), np.nan),
     )
 
 

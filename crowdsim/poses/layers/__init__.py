@@ -12,6 +12,7 @@ from crowdsim.poses.layers.gaze import HeadTurns
 from crowdsim.poses.layers.hands import Hands
 from crowdsim.poses.layers.kicks import Kicks
 from crowdsim.poses.layers.pelvis import Lowering
+from crowdsim.poses.layers.reaches import Reaches
 from crowdsim.poses.layers.reactions import Reactions
 from crowdsim.poses.layers.separation import Separation
 
@@ -25,6 +26,7 @@ LAYERS: tuple[type[Layer], ...] = (
     HeadTurns,
     Reactions,
     Kicks,
+    Reaches,
     Fists,
     Deflection,
     SecondDeflection,

@@ -7,6 +7,7 @@ from scipy.ndimage import correlate1d
 
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
+from crowdsim.motion.strikers import CARRIERS
 from crowdsim.poses.capsule_weights import ride_along
 from crowdsim.poses.capsules import PosedBodies, place_capsules
 from crowdsim.poses.down_state import fallen_rows, near_fallen
@@ -125,7 +126,7 @@ class Deflection(Reader):
             Offsets(_spread(creeps, part), int(slow[0]), float(rate)),
             starts,
             near.times[order],
-            near.limbs[order],
+            CARRIERS[near.limbs[order]],
         )
 
     def apply(self, part: Part, poses: Posed) -> None:
@@ -245,13 +246,13 @@ def _landing(landed: Landed, avatars: Array, times: Array) -> Array:
     """How close to strikes that land limbs of avatars (n,) are at times (T,), from 0 to 1. Shape (T, n, 4)."""
     near = np.zeros((len(times), len(avatars), LIMBS))
     some = landed.between(times[0] - _LANDS, times[-1] + _LANDS)
-    some = some.of(~some.missed)
+    some = some.of(~some.missed & (CARRIERS[some.limbs] >= 0))
     column = np.minimum(np.searchsorted(avatars, some.attackers), len(avatars) - 1)
     known = np.flatnonzero(avatars[column] == some.attackers)
     lows, highs = np.searchsorted(times, some.times - _LANDS), np.searchsorted(times, some.times + _LANDS, side="right")
     for strike in known:
         rows = slice(lows[strike], highs[strike])
         close = np.clip(2.0 - 2.0 * np.abs(times[rows] - some.times[strike]) / _LANDS, 0.0, 1.0)
-        limb = near[rows, column[strike], some.limbs[strike]]
+        limb = near[rows, column[strike], CARRIERS[some.limbs[strike]]]
         np.maximum(limb, close, out=limb)
     return near

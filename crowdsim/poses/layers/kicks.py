@@ -10,7 +10,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.crowd.record import TakeData
-from crowdsim.motion.strikes import HANDS
+from crowdsim.motion.strikers import FEET
 from crowdsim.poses.contacts import PoseAt, body_points, find_surfaces, strikes_near, within
 from crowdsim.poses.hits import TOGETHER, Landed, by_column
 from crowdsim.poses.kernels.blending import BLEND
@@ -48,7 +48,7 @@ class Kicks(Layer):
     def plan(self, part: Part) -> CarriedFeet | None:
         """Return where feet touch; None without kicks."""
         near, hops = strikes_near(self.poser.landed, part), part.hops + 1
-        near = near.of(~np.isin(near.limbs, HANDS))
+        near = near.of(np.isin(near.limbs, FEET))
         if not len(near.times):
             return None
         pose_at, struck_at = (partial(self.poser.joints, through=name, hops=hops) for name in self.needs)

@@ -12,7 +12,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
-from crowdsim.motion.strikes import HANDS
+from crowdsim.motion.strikers import LEGS
 from crowdsim.poses.contacts import PoseAt, body_points
 from crowdsim.poses.down_state import falls_soon
 from crowdsim.poses.hits import Landed, by_column
@@ -143,7 +143,7 @@ class BlowPlanner:
             return
         near = self.landed.of(fresh)
         self._shows[fresh] = ~self._falls(near.victims, near.times)
-        swings = np.where(np.isin(near.limbs, HANDS), _SWING, _KICK)
+        swings = np.where(np.isin(near.limbs, LEGS), _KICK, _SWING)
         heads, sizes, radii = self._heads(near.victims, near.times)
         moved = np.nan_to_num(self._heads(near.victims, near.times + RISE)[0] - heads)[:, ::2]
         now, places = self._strikers(near.attackers, near.times, near.limbs)

@@ -8,6 +8,7 @@ from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
+from crowdsim.motion.strikers import LEGS
 from crowdsim.poses.capsules import trunk_capsules
 from crowdsim.poses.down_state import fallen_rows
 from crowdsim.poses.hits import find_landed
@@ -53,7 +54,7 @@ class Separation(Layer):
         for index, motion in enumerate(poser.motions):
             self._radii[take.cast.policies == index] = piece_radii(motion.body)
         landed = find_landed(take)
-        self._kicks = landed.of(~landed.missed & (landed.limbs >= 2))
+        self._kicks = landed.of(~landed.missed & (np.isin(landed.limbs, LEGS)))
         self._radii[:, 0] *= np.asarray(take.cast.scales, float)[:, None]
         self._radii[:, 1:] *= np.asarray(take.cast.widths, float)[:, None, None]
         self.pushes = Kept(take.frame_count, take.control_rate, take.avatar_count, (2,), self._find)
@@ -116,7 +117,7 @@ class Separation(Layer):
         kicks = kicks.of(np.isin(kicks.attackers, avatars))
         for time, attacker, limb in zip(kicks.times, kicks.attackers, kicks.limbs, strict=True):
             low, high = np.searchsorted(times, [time - FOOT_LANDS, time + FOOT_LANDS])
-            hip = LEG_POINT + 3 * (limb - 2)
+            hip = LEG_POINT + 3 * (limb % 2)
             leg = points[low:high, np.searchsorted(avatars, attacker), hip : hip + 3]
             leg[:, 1:] = leg[:, :1]
 

@@ -1,0 +1,17 @@
+"""What avatars carry, as takes record it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+PROP = np.dtype(
+    [
+        ("type", np.int16),
+        ("joint", np.int32),
+        ("start", np.float32, 3),
+        ("end", np.float32, 3),
+        ("radius", np.float32),
+        ("colour", np.float32, 3),
+    ]
+)
+"""A capsule that avatars of a type carry at a joint: both ends in the joint's frame [m], its radius [m], its colour."""

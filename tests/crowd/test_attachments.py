@@ -1,0 +1,189 @@
+"""What avatars carry: keys and findings, capsules of props, takes, and where joints put them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import crowdsim, write_scene
+
+import crowdsim as package
+from crowdsim.crowd.attachments import WOOD, _box_capsules
+from crowdsim.crowd.cast import Cast
+from crowdsim.crowd.meshes import MeshError, face_rods, read_obj
+from crowdsim.crowd.props import PROP
+from crowdsim.errors import TakeError
+from crowdsim.export.pointcloud import CloudSink
+from crowdsim.motion import quaternion
+from crowdsim.poses.attachments import place_attachments
+
+STICK = {
+    "kind": "capsules",
+    "joint": "right_hand",
+    "capsules": [{"start": [-0.07, 0.0, -0.1], "end": [-0.07, 0.0, 0.6], "radius": 0.016}],
+}
+TETRAHEDRON = "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 2 3\nf 1/1 2/2 4/3\nf 1 3 4\nf -3 -2 -1\n"
+
+
+def types(*attachments: dict) -> dict:
+    return {"boxer": {"policy": "tiny", "attachments": list(attachments)}}
+
+
+def validated(folder: Path, capsys: pytest.CaptureFixture[str], *attachments: dict) -> str:
+    file = write_scene(folder / "held.yaml", types=types(*attachments))
+    assert crowdsim("validate", file) == 2
+    said = capsys.readouterr()
+    return said.out + said.err
+
+
+@pytest.fixture
+def folder(workplace: Path) -> Path:
+    return workplace
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"joint": "right_hnd"}, "joint: 'right_hnd', which the skeleton of policy 'tiny' lacks (did you mean 'right_hand'?)"),
+        ({"joint": "tail"}, "expected a role, pelvis, spine, chest, neck, head, left_shoulder"),
+        ({"capsules": [{"start": [0, 0, 0], "end": [0, 0, 1], "radius": 0}]}, "radius: is 0, expected a number above 0"),
+        ({"capsules": []}, "capsules: "),
+        ({"kind": "box", "size": [0.1, 0, 0.2]}, "size[1]: is 0, expected a number above 0"),
+        ({"kind": "mesh", "file": "none.obj"}, "holds no such file, expected"),
+        ({"kind": "mesh", "file": "../bat.obj"}, "expected a path inside the scenario's folder"),
+        ({"kind": "mesh", "file": "bat.stl"}, "expected a file that ends in .obj"),
+        ({"kind": "mesh", "file": "bad.obj"}, "file: 'bad.obj' line 2: is no vertex or face of an OBJ file: 'v 0 x'"),
+        ({"kind": "mesh", "file": "empty.obj"}, "file: 'empty.obj' holds no faces, expected an OBJ file"),
+        ({"colour": "brown"}, "colour: "),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_found_with_its_position(folder, capsys, changes, words):
+    (folder / "bad.obj").write_text("v 0 0 0\nv 0 x\n", encoding="utf-8")
+    (folder / "empty.obj").write_text("# nothing\n", encoding="utf-8")
+    one = {**STICK, **changes}
+    if one["kind"] != "capsules":
+        del one["capsules"]
+    found = validated(folder, capsys, one)
+    assert words in found
+    assert "held.yaml:" in found
+    assert "types.boxer.attachments[0]" in found
+
+
+def test_an_obj_file_is_read_and_its_faces_are_covered_by_rods(tmp_path):
+    (tmp_path / "bat.obj").write_text(TETRAHEDRON, encoding="utf-8")
+    vertices, triangles = read_obj(tmp_path / "bat.obj")
+    assert triangles.tolist() == [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]
+    rods = face_rods(vertices, triangles)
+    for corners in vertices[triangles]:
+        for weights in ([0.98, 0.01, 0.01], [0.3, 0.3, 0.4], [0.1, 0.8, 0.1]):
+            point = np.array(weights) @ corners
+            axis = rods[:, 3:6] - rods[:, :3]
+            share = np.sum((point - rods[:, :3]) * axis, axis=1) / np.maximum(np.sum(axis * axis, axis=1), 1e-12)
+            gaps = np.linalg.norm(point - rods[:, :3] - np.clip(share, 0, 1)[:, None] * axis, axis=1) - rods[:, 6]
+            assert gaps.min() < 0.004
+
+
+def test_a_mesh_of_too_many_triangles_is_refused(tmp_path):
+    (tmp_path / "big.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n" + "f 1 2 3\n" * 501, encoding="utf-8")
+    with pytest.raises(MeshError, match="has 501 triangles, expected at most 500"):
+        read_obj(tmp_path / "big.obj")
+
+
+@pytest.mark.parametrize("size", [(0.34, 0.03, 0.4), (0.1, 0.2, 0.3), (0.5, 0.02, 0.02)])
+def test_capsules_of_a_box_are_as_large_as_it(size):
+    ends = np.array([point for start, end, _ in _box_capsules(np.array(size)) for point in (start, end)])
+    radius = _box_capsules(np.array(size))[0][2]
+    np.testing.assert_allclose(np.ptp(ends, axis=0) + 2 * radius, size, atol=1e-9)
+
+
+def cast_of(props: np.ndarray) -> Cast:
+    return Cast(
+        names=np.array(["a", "b", "c"]), types=np.array([1, 0, 1], np.int16), teams=np.zeros(3, np.int16),
+        policies=np.zeros(3, np.int16), scales=np.array([1.0, 1.0, 2.0], np.float32), speeds=np.ones(3, np.float32),
+        type_names=("bare", "armed"), team_names=("t",), policy_names=("p",), colours=np.full((2, 3), np.nan),
+        attachments=props,
+    )  # fmt: skip
+
+
+def test_props_follow_their_joints_and_grow_with_bodies():
+    props = np.array([(1, 1, (0, 0, 0), (0, 0, 0.5), 0.02, WOOD), (1, 0, (0.1, 0, 0), (0.2, 0, 0), 0.01, WOOD)], PROP)
+    positions = np.array([[[0, 1, 0], [0, 2, 0]]] * 3, np.float32)
+    turn = quaternion.from_rotation_vector(np.array([0.0, np.pi / 2, 0.0])).astype(np.float32)
+    rotations = np.tile(np.array([1, 0, 0, 0], np.float32), (3, 2, 1))
+    rotations[:, 1] = turn
+    held = place_attachments(cast_of(props), np.arange(3), positions, rotations)
+    assert held.avatars.tolist() == [0, 0, 2, 2]
+    np.testing.assert_allclose(held.starts[0], [0, 2, 0], atol=1e-6)
+    np.testing.assert_allclose(held.ends[0], [0.5, 2, 0], atol=1e-6)
+    np.testing.assert_allclose(held.ends[2], [1.0, 2, 0], atol=1e-6)
+    np.testing.assert_allclose(held.radii, [0.02, 0.01, 0.04, 0.02])
+    positions[2] = np.nan
+    assert place_attachments(cast_of(props), np.arange(3), positions, rotations).avatars.tolist() == [0, 0]
+
+
+def test_a_prop_at_a_joint_that_is_not_there_is_refused():
+    props = np.array([(1, 7, (0, 0, 0), (0, 0, 0.5), 0.02, WOOD)], PROP)
+    with pytest.raises(TakeError, match="is at joint 7, expected one below 2"):
+        place_attachments(cast_of(props), np.arange(3), np.zeros((3, 2, 3)), np.ones((3, 2, 4)))
+
+
+@pytest.fixture
+def runs(folder: Path) -> tuple[Path, Path]:
+    """Runs without and with a stick in right hands."""
+    bare = write_scene(folder / "bare.yaml", name="bare")
+    (folder / "bat.obj").write_text(TETRAHEDRON, encoding="utf-8")
+    mesh = {"kind": "mesh", "joint": "Head", "file": "bat.obj", "offset": [0, 0.2, 0], "rotation": [0, 90, 0]}
+    held = write_scene(folder / "held.yaml", name="bare", types=types(STICK, mesh))
+    for file in (bare, held):
+        assert crowdsim("run", file, "--out", file.stem, "--threads", "1") == 0
+    return folder / "bare", folder / "held"
+
+
+def test_runs_record_what_avatars_carry_and_show_it(runs, capsys):
+    bare, held = (package.open_run(folder) for folder in runs)
+    assert len(bare.cast.attachments) == 0
+    assert "attachments" not in (runs[0] / "take.zarr" / ".zattrs").read_text(encoding="utf-8")
+    props = held.cast.attachments
+    names = held.policies[0].database.skeleton.names
+    assert {names[joint] for joint in props["joint"]} == {"RightHand", "Head"}
+    np.testing.assert_allclose(props["end"][0], [-0.07, 0.0, 0.6], atol=1e-6)
+    for name in ("action", "x", "heading"):
+        np.testing.assert_array_equal(getattr(bare, name)[:], getattr(held, name)[:])
+    pictures = []
+    for run in runs:
+        capsys.readouterr()
+        assert (
+            crowdsim("render", run, "--png", "--frames", "0:1", "--size", "160x90", "--out", f"{run}_pics") == 0
+        )
+        picture = next(Path(f"{run}_pics").rglob("*.png"))
+        pictures.append(picture.read_bytes())
+    assert pictures[0] != pictures[1]
+    # A run that is read again, from its resolved scenario, is the same.
+    assert crowdsim("verify", runs[1]) == 0
+    assert (runs[1] / "scenario.resolved.yaml").read_text(encoding="utf-8").count("right_hand") == 1
+
+
+@pytest.mark.parametrize("surface", ["capsules", "body"])
+def test_clouds_have_as_many_points_some_of_them_on_props(runs, surface):
+    clouds = {}
+    for folder in runs:
+        run = package.open_run(folder)
+        sink = CloudSink(run.sampler, folder, "ply", 60.0, 2000, surface=surface)
+        clouds[folder.name] = sink.build(12)
+    bare, held = clouds["bare"], clouds["held"]
+    assert len(bare.values) == len(held.values) == 4 * 2000
+    changed = np.flatnonzero((bare.values[:, :3] != held.values[:, :3]).any(axis=1))
+    assert 40 < len(changed) < 0.25 * len(held.values)
+    run = package.open_run(runs[1])
+    for poses in run.sampler.sample(12, 13, 60.0):
+        positions, rotations = poses.joints()
+        props = place_attachments(run.cast, poses.avatars, positions[0], rotations[0])
+        stick = props.radii > 0.0155
+        for avatar, start, end, radius in zip(*(np.asarray(part)[stick] for part in props[:4]), strict=True):
+            mine = changed[held.labels[changed, 0] == avatar]
+            points = held.values[mine, :3].astype(float)
+            axis = end - start
+            share = np.clip((points - start) @ axis / (axis @ axis), 0.0, 1.0)
+            gaps = np.abs(np.linalg.norm(points - start - share[:, None] * axis, axis=1) - radius)
+            assert (gaps < 1e-4).sum() > 10
