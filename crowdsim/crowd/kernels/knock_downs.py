@@ -54,9 +54,9 @@ def _next_blow(strikes, first, last, number):
     """Return the strike that has knocked down the avatar with the next number, or -1."""
     found = -1
     for k in range(first, last):
-        if strikes[k].down > 0 and strikes[k].victim > number:
-            if found < 0 or strikes[k].victim < strikes[found].victim:
-                found = k
+        felled = strikes[k].down > 0 and strikes[k].victim > number
+        if felled and (found < 0 or strikes[k].victim < strikes[found].victim):
+            found = k
     return found
 
 
