@@ -23,27 +23,31 @@ _FRAMES_AT_ONCE = 1 << 16
 
 def fall_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> dict[str, Array]:
     """Return what ``Model`` holds of the falls and staggers of all policies, by its names."""
-    rows: list[tuple[float, int, int, int, int]] = []
+    rows: list[tuple[float, int, int, int, int, int]] = []
     axes = [np.zeros((0, 2), LINE)]
     capsules: list[Array] = []
     for p, (first, policy) in enumerate(zip(starts["action"], policies, strict=False)):
         falls = policy.falls
         if falls is None:
             continue
+        twins, motion = dict[int, int](), captured_starts(policy, falls.fall).tolist()
         for number, direction in enumerate(falls.direction.tolist()):
             own = len(rows)
+            twin = twins.setdefault(motion[number], own)
             for kind, actions in ((FALL, falls.fall), (LYING, falls.lie), (RISE, falls.rise)):
-                rows.append((direction, p, kind, int(first + actions[number]), own))
+                rows.append((direction, p, kind, int(first + actions[number]), own, twin))
         own_axes, own_capsules = _lying_bodies(policy, falls.fall)
         axes.append(np.repeat(own_axes, 3, axis=0))
         capsules.append(np.repeat(own_capsules, 3, axis=0))
-        before = len(rows)
-        for start, last, direction in zip(
-            falls.stagger.tolist(), falls.stagger_last.tolist(), falls.stagger_direction.tolist(), strict=True
-        ):
+        before, twins = len(rows), {}
+        for start, last, direction, frame in zip(
+            falls.stagger.tolist(), falls.stagger_last.tolist(), falls.stagger_direction.tolist(),
+            captured_starts(policy, falls.stagger).tolist(), strict=True,
+        ):  # fmt: skip
             own = len(rows)
+            twin = twins.setdefault(frame, own)
             for action in range(start, last + 1):
-                rows.append((direction, p, STAGGER if action == start else STAGGER_ON, int(first + action), own))
+                rows.append((direction, p, STAGGER if action == start else STAGGER_ON, int(first + action), own, twin))
         axes.append(np.zeros((len(rows) - before, 2), LINE))
         capsules.append(np.zeros((len(rows) - before, own_capsules.shape[1]), CAPSULE))
     return {
@@ -52,6 +56,13 @@ def fall_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> dict[str,
         "fall_capsules": _stacked(capsules),
         "soles": _sole_rows(policies),
     }
+
+
+def captured_starts(policy: Policy, actions: Array) -> Array:
+    """Return the control frame in which each action starts, of a mirror image that of what it mirrors. Shape (n,)."""
+    database = policy.database
+    frames = np.asarray(policy.graph.action_first)[actions].astype(int) - 1
+    return np.where(frames >= database.captured_frames, frames - database.captured_frames, frames)
 
 
 def _lying_bodies(policy: Policy, actions: Array) -> tuple[Array, Array]:

@@ -12,6 +12,7 @@ from crowdsim.crowd.buffers import empty_scratch, empty_strikes
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.kernels.advance import advance, switch
 from crowdsim.crowd.kernels.decide import decide
+from crowdsim.crowd.kernels.knock_downs import knock_down
 from crowdsim.crowd.kernels.layout import ENTERED, Now, Observed
 from crowdsim.crowd.kernels.record import write_record
 from crowdsim.crowd.kernels.resolve import list_strikes, resolve
@@ -155,7 +156,14 @@ class Stages:
 
         self._workers.each(throw, now.present)
         thrown = np.concatenate([empty_strikes(0), *(found[first] for first in sorted(found))])
-        resolve(self._model, self._avatars, world, now.frame, thrown, 0, len(thrown))
+        if resolve(self._model, self._avatars, world, now.frame, thrown, 0, len(thrown)) > 0:
+            present, most = now.present, self._crowding.most
+            observed = Observed(*(np.empty(1, np.int32) for _ in range(2)), np.empty((1, most), np.int32))
+            distances, hits = np.empty(present), np.empty(present, np.int64)
+            held = knock_down(
+                self._model, self._avatars, world, now, thrown, 0, len(thrown), self._due, observed, distances, hits
+            )
+            thrown = thrown[:held]
         return thrown
 
 

@@ -144,6 +144,8 @@ def _check_conditions(simulation: Changing, now: Mapping[str, Array], state: Map
         lies = np.isin(standing, lying) | np.isin(fields["standing_next"], lying)
         known = (fall == np.floor(fall)) & (fall >= 0) & (fall < max(len(falls), 1))
         _refuse(prefix + "fall", fall, known & (~lies | (len(falls) > 0)))
+        fell = fields["fell"]
+        _refuse(prefix + "fell", fell, (fell == np.floor(fell)) & (fell >= 0) & (fell <= len(falls)))
         piece = fields["piece"]
         inside = (piece >= 0) & (piece <= len(simulation.model.rests)) & (piece == np.floor(piece))
         _refuse(prefix + "piece", piece, inside)

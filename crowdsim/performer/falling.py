@@ -23,7 +23,7 @@ _ONSET, _RETURN = 0.22, 0.48
 """Times in which a fall takes the body out of the guard, and in which it comes back [s]."""
 _SMOOTH = 0.035
 """Width of the smoothing of all tracks [s]."""
-_BREATH, _BREATHS = 0.016, 0.34
+_BREATH, _BREATHS = 0.035, 0.6
 """How far the spine bends as a lying body breathes [rad], and how often it does [Hz]."""
 _STIR = 0.012
 """Slow stirring of a lying body [rad]."""
@@ -36,8 +36,8 @@ _KNEE_LIFT = 0.4
 """How far the pelvis is lifted for a knee that touches the floor, at the most [m]."""
 _MOST_TOES = 1.1
 """Bend of the toes of a foot on its ball [rad]."""
-_HIP, _KNEE, _ELBOW, _FIST = 0.092, 0.054, 0.046, 0.062
-"""Radii of thighs at the hip, knees, elbows and fists, and a little more [m]."""
+_HIP, _KNEE, _SHOULDER, _ELBOW, _FIST = 0.092, 0.054, 0.062, 0.046, 0.062
+"""Radii of thighs at the hip, knees, shoulders, elbows and fists, and a little more [m]."""
 _LEAST_LEG = 0.24
 """Least distance from hip to ankle [m]: thigh and shank have flesh."""
 _HANGS, _BACK = (joints.DOWN + joints.AHEAD) / np.sqrt(2.0), (joints.DOWN - joints.AHEAD) / np.sqrt(2.0)
@@ -115,7 +115,7 @@ def fall_over(
 
 
 def _rest_height(body: Body, skeleton: Skeleton, hips: Array, rotations: Array) -> Array:
-    """Return the least height of the pelvis at which trunk, head and hips are out of the floor [m]. Shape (F,)."""
+    """Return the least height of the pelvis at which trunk, head, shoulders and hips are out of the floor [m]. Shape (F,)."""
     positions, turned = forward_kinematics(skeleton, hips, rotations)
     least = [
         positions[:, joint, 1] + quat.rotate(turned[:, joint], end)[:, 1] - radius
@@ -125,7 +125,8 @@ def _rest_height(body: Body, skeleton: Skeleton, hips: Array, rotations: Array) 
         if joint <= bones.HEAD
         for end, radius in zip((starts, ends), radii, strict=True)
     ]
-    low = np.minimum(np.min(least, axis=0), positions[:, list(bones.UP_LEGS), 1].min(axis=1) - _HIP)
+    shoulders = positions[:, list(bones.ARMS), 1].min(axis=1) - _SHOULDER
+    low = np.minimum(np.min([*least, shoulders], axis=0), positions[:, list(bones.UP_LEGS), 1].min(axis=1) - _HIP)
     return np.asarray(hips[:, 1] - low)
 
 

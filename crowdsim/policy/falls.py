@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from crowdsim.motion.database import MotionDatabase
 
 
-LIE = 0.5
-"""Length of a piece of lying that can be repeated [s]."""
+LIE = 5.0 / 3.0
+"""Longest piece of lying that is repeated [s]: one in which the embedded boxer breathes once."""
 PIECE = 0.4
 """About how long a piece of a stagger is: who is knocked down meanwhile falls when it ends [s]."""
 LEAVES = 0.6

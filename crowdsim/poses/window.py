@@ -24,6 +24,8 @@ from crowdsim.poses.world import world_joints
 
 LEAST_BLEND = 0.2
 """Least time that a blend lasts before a transition, and after it [s]."""
+INTERRUPTED = 0.02, 0.3
+"""How long the blend lasts before a blow that interrupts an action, and after it [s]."""
 _STEP_RULES = StepRules(
     lifts_within=SETTLED[1],
     landed_within=SETTLED[0],
@@ -73,8 +75,16 @@ class Window:
         fresh = np.ones(action.shape, bool)
         # An action that starts again need not be another one; otherwise its phase advances by the speed.
         fresh[1:] = (action[1:] != action[:-1]) | (phase[1:] < phase[:-1] + 0.5 * speeds)
+        present = action >= 0
+        # An action that a blow interrupts ends earlier than it was captured, at a whole playback frame.
+        left = phase[:-1] + speeds - phase[1:]
+        cut = fresh[1:] & present[1:] & present[:-1] & (left < lengths[:-1] - 0.5 / motion.frames.stride)
+        lengths[:-1][cut] = np.maximum(
+            np.rint(left[cut] * motion.frames.stride) / motion.frames.stride, phase[:-1][cut]
+        )
+        self._cut = np.concatenate([np.zeros((1, len(avatars)), bool), cut])
         self.rows = Rows(
-            present=action >= 0,
+            present=present,
             origins=motion.origins[np.maximum(action, 0)],
             lengths=lengths,
             phase=phase,
@@ -126,7 +136,7 @@ class Window:
         rows, frames = self.rows, self.motion.frames
         owner, row = np.nonzero((rows.fresh & rows.present)[1:].T & rows.present[:-1].T)
         row = row + 1
-        before = (rows.origins + rows.lengths.astype(np.int64) * frames.stride)[row - 1, owner]
+        before = (rows.origins + np.rint(rows.lengths * frames.stride).astype(np.int64))[row - 1, owner]
         after = rows.origins[row, owner]
         seen = before != after
         owner, row, before, after = owner[seen], row[seen], before[seen], after[seen]
@@ -137,7 +147,9 @@ class Window:
             times=(rows.first + row - rows.phase[row, owner] / rows.speeds[owner]) / rows.rate,
             before=before,
             after=after,
-            spans=self._spans(before, after, rows.speeds[owner] * frames.rate),
+            spans=np.where(
+                self._cut[row, owner, None], INTERRUPTED, self._spans(before, after, rows.speeds[owner] * frames.rate)
+            ),
             shifts=rows.shifts[row, owner],
             signs=np.empty((count, joints + 1), np.int8),
             ground=np.empty((count, 3)),

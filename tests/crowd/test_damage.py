@@ -47,10 +47,10 @@ def with_falls(directions=(0.0, math.pi), kinds=(0, 1, 2)):
 
 
 def falling(model, rows):
-    """Return a model with these falls, whose bodies have no capsules that anyone could tread on."""
+    """Return a model with these falls, each of its own motion; bodies have no capsules to tread on."""
     count = len(rows)
     return model._replace(
-        falls=np.array(rows, FALL),
+        falls=np.array([(*row, row[4]) for row in rows], FALL),
         fall_axes=np.zeros((count, 2), LINE),
         fall_capsules=np.zeros((count, 0), CAPSULE),
         soles=np.zeros((len(model.ground), 2, 2, 3), np.float32),
@@ -149,19 +149,19 @@ def test_whoever_is_knocked_down_falls_lies_and_rises_where_the_blow_came_to():
     chosen = []
     for _ in range(400):
         before = one.avatars.conditions["standing"].copy()
-        hits = np.arctan2(one.avatars.fight["hit_x"], one.avatars.fight["hit_z"])
         one.run(1)
+        hits = np.arctan2(one.avatars.fight["hit_x"], one.avatars.fight["hit_z"])
         for number in range(12):
             slot, now = one.avatars.slot_of[number], one.avatars.conditions[number]
-            if now["standing"] == layout.FALLING and before[number] == layout.DROPS:
+            if now["standing"] == layout.FALLING and before[number] < layout.FALLING:
                 chosen.append((math.cos(hits[slot] - one.avatars.heading[slot]), int(now["fall"])))
             seen[number].append(now["standing"])
     # The first direction is ahead, the second behind; blows from the side may lead to either, where most room is.
     clear = [(ahead > 0, fall == 0) for ahead, fall in chosen if abs(ahead) > 0.9]
     assert len(clear) > 3
     assert all(ahead == forward for ahead, forward in clear)
-    order = {layout.DROPS: {layout.FALLING}, layout.FALLING: {layout.LYING}, layout.LYING: {layout.RISING}}
-    order[layout.RISING] = {layout.UP}
+    order = {layout.FALLING: {layout.LYING}, layout.LYING: {layout.RISING}}
+    order[layout.RISING] = {layout.UP, layout.STAGGERS, layout.FALLING}
     for states in seen:
         for one_state, next_state in itertools.pairwise([key for key, _ in itertools.groupby(states)]):
             if one_state in order:
@@ -220,14 +220,45 @@ def test_a_stagger_goes_on_piece_by_piece():
     assert follows == {(5, 9), (9, 7), (5, 5), (9, 5)}  # or another blow, and it begins again
 
 
-def test_who_is_knocked_down_in_a_stagger_falls_at_the_end_of_its_piece():
-    after = set()
-    for turns in actions_in_turn(stumbling(stagger_from=1.0, full_health=1e6, most_downs=1e6), 500):
+def test_an_avatar_that_is_knocked_down_in_a_stagger_falls_at_once():
+    after, one = set(), stumbling(stagger_from=1.0, full_health=1e6, most_downs=1e6)
+    for turns in actions_in_turn(one, 500):
         for (action, _, row), (following, standing, _) in itertools.pairwise(turns):
             if (action, row) in ((5, 3), (9, 4)):
                 after.add((action, following, bool(standing == layout.FALLING)))
     goes_on = {(5, 9, False), (9, 7, False), (5, 5, False), (9, 5, False)}
     assert after == goes_on | {(5, 0, True), (9, 0, True)}
+
+
+def test_from_the_blow_on_an_avatar_that_is_knocked_down_falls_and_throws_nothing():
+    model = with_falls()
+    one = Simulation(replace(fighters(), policies=POLICIES), model=model)
+    blows, cut, since = [], 0, np.full(12, np.inf)
+    for frame in range(400):
+        lengths = model.actions["length"]
+        before = {int(n): (int(one.avatars.motion["action"][i]), float(one.avatars.motion["phase"][i]))
+                  for i, n in enumerate(one.avatars.number)}  # fmt: skip
+        events = one.run(1).events
+        standing = one.avatars.conditions["standing"]
+        for k in np.flatnonzero(events.down):
+            victim, blow = int(events.victim[k]), float(events.frame[k])
+            if standing[victim] != layout.FALLING:
+                continue
+            slot = int(one.avatars.slot_of[victim])
+            since[victim] = blow
+            speed, done = float(one.avatars.motion["speed"][slot]), float(one.avatars.motion["phase"][slot])
+            # Motion since the blow, within a playback frame, unless an action began since the last frame.
+            action, phase = before[victim]
+            ends = phase + speed >= lengths[action]
+            if not ends:
+                assert abs((frame - blow) * speed - done) <= 1.0 / model.policies["stride"][0] + 1e-6
+                cut += phase + speed < lengths[action] - 1.0
+            blows.append(victim)
+        # These falls are ordinary actions, which strike later.
+        assert not ((events.frame > since[events.attacker] + 1e-6) & ~events.down).any()
+        since[:] = np.inf
+    assert len(blows) > 10
+    assert cut > 5
 
 
 @pytest.mark.parametrize("falls", [False, True])

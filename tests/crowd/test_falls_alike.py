@@ -8,7 +8,20 @@ from falling import falling_policy
 from test_damage import fighters, rules
 
 from crowdsim.crowd.kernels import layout
-from crowdsim.crowd.kernels.falling import LASTS, LIKE, _unlike, pick_fall
+from crowdsim.crowd.kernels.falling import (
+    ASIDE,
+    BESIDE,
+    FURTHEST_ASIDE,
+    LASTS,
+    LATELY,
+    LIKE,
+    NEARBY,
+    SHOWN,
+    UNLIKE,
+    _unlike,
+    pick_fall,
+    shown_before,
+)
 from crowdsim.crowd.kernels.layout import Observed
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
@@ -25,13 +38,19 @@ def fighting(frames: int = 20) -> Simulation:
     return one
 
 
-def naive_gap(one: Simulation, own: int, row: int) -> float:
-    """How unlike the end of an avatar's action and the start of a fall are, from points in the world [m2]."""
+def last_frame(one: Simulation, own: int) -> int:
+    """The playback frame in which an avatar's action ends."""
+    action = one.avatars.motion["action"][own]
+    return int(
+        one.model.actions["origin"][action] + one.model.actions["length"][action] * falling_policy().database.stride
+    )
+
+
+def naive_gap(one: Simulation, own: int, row: int, left: int) -> float:
+    """How unlike a playback frame of an avatar and the start of a fall are, from points in the world [m2]."""
     database, model = falling_policy().database, one.model
     points = np.concatenate([model.bodies, model.arms], axis=1).astype(float)
-    action, entered = one.avatars.motion["action"][own], model.falls["action"][row]
-    stride = database.stride
-    left = model.actions["origin"][action] + model.actions["length"][action] * stride
+    entered, stride = model.falls["action"][row], database.stride
     begun = model.actions["origin"][entered]
 
     def moved(before: int, after: int) -> np.ndarray:
@@ -56,10 +75,14 @@ def test_avatars_fall_by_the_fall_that_begins_most_like_what_they_do() -> None:
             set_fields(one.avatars, "hit_x hit_z", own, (np.sin(blow + heading), np.cos(blow + heading)))
             rows = np.flatnonzero(falls["kind"] == kind)
             aside = np.abs(ground.wrap(turns[rows] - blow))
-            rows = rows[aside - aside.min() <= LIKE + 1e-9]
-            gaps = [_unlike(one.model, one.avatars, own, row) for row in rows]
-            found = pick_fall(one.model, one.avatars, one._world, 0, own, kind, NO_NEIGHBOURS, 0)
-            assert found == rows[int(np.argmin(gaps))]
+            further = np.maximum(aside - aside.min() - LIKE, 0.0)
+            left = last_frame(one, own) - int(rng.integers(0, 6))
+            gaps = np.array([_unlike(one.model, one.avatars, own, row, left) for row in rows])
+            costs = ASIDE * further + UNLIKE * gaps
+            costs[further > (0.0 if kind == layout.STUMBLES else FURTHEST_ASIDE - LIKE)] = np.inf
+            shown = np.zeros(0)
+            found = pick_fall(one.model, one.avatars, one._world, 0, own, kind, left, shown, NO_NEIGHBOURS, 0)
+            assert found == rows[int(np.argmin(costs))]
             chosen.add(found)
     assert len(chosen) > 6
 
@@ -69,4 +92,52 @@ def test_how_unlike_poses_are_matches_naive() -> None:
     rows = np.flatnonzero(np.isin(one.model.falls["kind"], (layout.FALLS, layout.STUMBLES)))
     for own in range(one.present):
         for row in rows:
-            np.testing.assert_allclose(_unlike(one.model, one.avatars, own, row), naive_gap(one, own, row), rtol=1e-6)
+            for left in (last_frame(one, own), last_frame(one, own) - 3):
+                gap = naive_gap(one, own, row, left)
+                np.testing.assert_allclose(_unlike(one.model, one.avatars, own, row, left), gap, rtol=1e-6)
+
+
+def test_falls_that_were_shown_cost_more_the_nearer_and_the_later_they_were() -> None:
+    one, frame = fighting(), 500
+    avatars, falls = one.avatars, one.model.falls
+    rng = np.random.default_rng(3)
+    rows = np.flatnonzero(falls["kind"] == layout.FALLS)
+    for number in range(0, one.present, 2):
+        avatars.conditions["fell"][number] = rng.choice(rows) + 1
+        avatars.conditions["fell_frame"][number] = rng.integers(0, frame)
+    avatars.x[avatars.slot_of[4]] += 30.0
+    for own in range(one.present):
+        expected = np.zeros(len(falls))
+        for number, row in enumerate(avatars.conditions):
+            if row["fell"] > 0:
+                slot = avatars.slot_of[number]
+                far = np.hypot(avatars.x[slot] - avatars.x[own], avatars.z[slot] - avatars.z[own])
+                of_late = LATELY / (LATELY + frame - row["fell_frame"])
+                twin = falls["twin"][int(row["fell"]) - 1]
+                expected[twin] += (SHOWN + (BESIDE if far < NEARBY else 0.0)) * of_late
+        found = np.full(len(falls), np.inf)
+        shown_before(one.model, avatars, frame, own, found)
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+        assert found.sum() > 0.0
+
+
+def test_a_fall_that_has_just_been_shown_is_not_shown_again_if_another_leads_the_same_way() -> None:
+    one, falls = fighting(), fighting().model.falls
+    rows = np.flatnonzero(falls["kind"] == layout.FALLS)
+    for own in range(one.present):
+        left, shown = last_frame(one, own), np.zeros(len(falls))
+        first = pick_fall(one.model, one.avatars, one._world, 0, own, layout.FALLS, left, shown, NO_NEIGHBOURS, 0)
+        shown[falls["twin"][first]] = 1e6
+        second = pick_fall(one.model, one.avatars, one._world, 0, own, layout.FALLS, left, shown, NO_NEIGHBOURS, 0)
+        assert second in rows
+        assert falls["twin"][second] != falls["twin"][first]
+
+
+def test_mirror_images_of_a_fall_are_twins() -> None:
+    model, policy = build_model([falling_policy()]), falling_policy()
+    falls = model.falls[model.falls["kind"] == layout.FALLS]
+    names = [policy.database.clip_names[int(np.searchsorted(policy.database.clip_starts, frame, "right")) - 1]
+             for frame in policy.graph.action_first[falls["action"]]]  # fmt: skip
+    for one, name in zip(falls, names, strict=True):
+        for other, its in zip(falls, names, strict=True):
+            assert (one["twin"] == other["twin"]) == (name.split("~")[0] == its.split("~")[0])

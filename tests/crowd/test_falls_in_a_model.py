@@ -38,7 +38,8 @@ def test_rows_of_falls_name_actions_of_the_run(count: int) -> None:
         first = model.policies["actions"][policy]
         np.testing.assert_array_equal(model.falls["action"][rows] - first, falls.actions)
         for row in rows:
-            direction, _, kind, action, fall = model.falls[row].tolist()
+            direction, _, kind, action, fall, twin = model.falls[row].tolist()
+            assert model.falls["policy"][twin] == policy
             assert model.falls["kind"][fall] == (3 if kind >= 3 else 0)
             assert direction == model.falls["direction"][fall]
             assert model.falls["action"][fall] == action - (row - fall)

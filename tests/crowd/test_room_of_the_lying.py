@@ -76,7 +76,7 @@ def test_nobody_staggers_onto_a_body(direction: float) -> None:
     model = with_falls()
     moves = model.moves.copy()
     moves["x"][ACTION], moves["z"][ACTION] = 0.0, 0.7
-    rows = [*model.falls.tolist(), (0.0, 0, layout.STUMBLES, ACTION, 0)]
+    rows = [*(row[:5] for row in model.falls.tolist()), (0.0, 0, layout.STUMBLES, ACTION, 0)]
     model = falling(model._replace(moves=moves), rows)
     one, own = placed_beside(model, direction)
     row = len(model.falls) - 1

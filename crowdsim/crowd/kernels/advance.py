@@ -87,8 +87,7 @@ def switch(model, avatars, world, frame, due, chosen, first, last):
 
     ``frame`` is the control frame.
     """
-    motion, playback = avatars.motion, avatars.playback
-    actions, ground, starts, policies = model.actions, model.ground, model.starts, model.policies
+    motion, playback, actions = avatars.motion, avatars.playback, model.actions
     varied, confined = is_varied(world), world.places.parts.shape[0] > 0
     for q in range(first, last):
         if q + 2 * AHEAD < last:
@@ -100,44 +99,53 @@ def switch(model, avatars, world, frame, due, chosen, first, last):
         old, new = motion[i].action, chosen[q]
         if varied:
             note_shown(model, avatars, frame, i, new)
-        stride, scale, speed = policies[avatars.policy[i]].stride, playback[i].scale, motion[i].speed
-        phase = min(motion[i].phase - actions[old].length, speed)
-        origin = actions[new].origin
-        x, z, heading = avatars.x[i], avatars.z[i], avatars.heading[i]
-        heading -= 2.0 * math.pi * math.floor(heading / (2.0 * math.pi) + 0.5)
-        gx, gz, gh = starts[new].x, starts[new].z, starts[new].heading
-        if playback[i].action_before == ENTERED:
-            # What came before was not seen, so the position is exact without a shift.
-            gx, gz, gh = ground[origin].x, ground[origin].z, ground[origin].heading
-        cos, sin = cos_sin(heading)
-        cos, sin = cos * scale, sin * scale
-        hx, hz = model.halts[new].x, model.halts[new].z
-        motion[i].halt_x, motion[i].halt_z = x + hx * cos + hz * sin, z + hz * cos - hx * sin
-        turn = heading - gh
-        cos, sin = cos_sin(turn)
-        cos, sin = cos * scale, sin * scale
-        base_x, base_z = x - gx * cos - gz * sin, z + gx * sin - gz * cos
-        playback[i].base_x, playback[i].base_z = base_x, base_z
-        playback[i].base_cos, playback[i].base_sin, playback[i].base_turn = cos, sin, turn
-        last_frame = origin + actions[new].length * stride
-        gx, gz = ground[last_frame].x, ground[last_frame].z
-        motion[i].end_x, motion[i].end_z = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
-        if avatars.conditions.shape[0] > 0:
-            motion[i].end_x += avatars.slides[i].x
-            motion[i].end_z += avatars.slides[i].z
-            note_condition(model, avatars, world, frame, i, new)
-        gx, gz, heading = ground_at(ground, origin + min(phase, actions[new].length) * stride)
-        avatars.x[i], avatars.z[i] = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
-        avatars.heading[i] = heading + turn
-        motion[i].pending = -1 if motion[i].pending < actions[old].length else actions[new].first_strike
+        phase = min(motion[i].phase - actions[old].length, motion[i].speed)
+        missing = motion[i].pending < actions[old].length
+        start_action(model, avatars, world, frame, i, new, phase)
+        motion[i].pending = -1 if missing else actions[new].first_strike
         playback[i].action_before = old
-        motion[i].action = new
-        motion[i].phase = phase
         if confined:
             confine(model, avatars, world, frame, i)
         avatars.fight[i].opponent_before = avatars.opponent[i]
         avatars.opponent[i] = avatars.fight[i].next_opponent
         avatars.fight[i].decisions += 1
+
+
+@kernel(inline=True)
+def start_action(model, avatars, world, frame, i, new, phase):
+    """Start an action on the ground transform of an avatar, with some frames of motion done already."""
+    motion, playback = avatars.motion, avatars.playback
+    actions, ground, starts, policies = model.actions, model.ground, model.starts, model.policies
+    stride, scale = policies[avatars.policy[i]].stride, playback[i].scale
+    origin = actions[new].origin
+    x, z, heading = avatars.x[i], avatars.z[i], avatars.heading[i]
+    heading -= 2.0 * math.pi * math.floor(heading / (2.0 * math.pi) + 0.5)
+    gx, gz, gh = starts[new].x, starts[new].z, starts[new].heading
+    if playback[i].action_before == ENTERED:
+        # What came before was not seen, so the position is exact without a shift.
+        gx, gz, gh = ground[origin].x, ground[origin].z, ground[origin].heading
+    cos, sin = cos_sin(heading)
+    cos, sin = cos * scale, sin * scale
+    hx, hz = model.halts[new].x, model.halts[new].z
+    motion[i].halt_x, motion[i].halt_z = x + hx * cos + hz * sin, z + hz * cos - hx * sin
+    turn = heading - gh
+    cos, sin = cos_sin(turn)
+    cos, sin = cos * scale, sin * scale
+    base_x, base_z = x - gx * cos - gz * sin, z + gx * sin - gz * cos
+    playback[i].base_x, playback[i].base_z = base_x, base_z
+    playback[i].base_cos, playback[i].base_sin, playback[i].base_turn = cos, sin, turn
+    last_frame = origin + actions[new].length * stride
+    gx, gz = ground[last_frame].x, ground[last_frame].z
+    motion[i].end_x, motion[i].end_z = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
+    if avatars.conditions.shape[0] > 0:
+        motion[i].end_x += avatars.slides[i].x
+        motion[i].end_z += avatars.slides[i].z
+        note_condition(model, avatars, world, frame, i, new)
+    gx, gz, heading = ground_at(ground, origin + min(phase, actions[new].length) * stride)
+    avatars.x[i], avatars.z[i] = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
+    avatars.heading[i] = heading + turn
+    motion[i].action = new
+    motion[i].phase = phase
 
 
 @kernel(inline=True)

@@ -10,10 +10,13 @@ from crowdsim.crowd.kernels.layout import FALLS, STANDS_UP, STUMBLES_ON
 from crowdsim.crowd.kernels.lying import axis_of, from_axis, is_on_floor
 from crowdsim.jit import kernel
 
-NOWHERE = 1 << 30  # actions from a stance, before any fall is looked at
-LIKE = 0.6  # directions of falls are alike that differ by no more from the nearest one to the blow's [rad]
+LIKE = 1.0  # directions of falls are alike that differ by no more from the nearest one to the blow's [rad]
 FURTHEST_ASIDE = 2.0  # how much further aside a body falls at the most where there is no room [rad]
 ASIDE = 0.1  # how much a radian aside counts, beside the square of the room that lacks [m2]
+ASTRAY, FAR_ASTRAY = 3.0, 3  # how much an action from the avatar's stance counts likewise, and how many do
+UNLIKE = 0.02  # how much the gap between poses and motion counts
+SHOWN, LATELY = 0.06, 450.0  # how much it counts that another has fallen so, and after how many frames half as much
+BESIDE, NEARBY = 0.3, 5.0  # how much more it counts of one that is so near [m]
 LASTS = 2.0  # how much motion in a control frame counts beside poses
 STAGGERS_BY = 0.7  # how far from the axis of a body others stagger [m]
 
@@ -40,11 +43,12 @@ def next_piece(model, row):
 
 
 @kernel(inline=True)
-def pick_fall(model, avatars, world, frame, own, kind, observed, q):
-    """Return a row of ``Model.falls`` that leads where the last blow came to, and begins most alike; -1 for none.
+def pick_fall(model, avatars, world, frame, own, kind, left, shown, observed, q):
+    """Return the row of ``Model.falls`` that costs least: a fall or stagger where the last blow leads; -1 for none.
 
-    A body falls where most room is, if need be further aside, and staggers nowhere onto others. Of falls alike only
-    those count that lead to the avatar's stance, or nearest to it.
+    It leads where the blow does, or further aside where there is more room; no stagger leads onto others. It leads to
+    the avatar's stance, and begins like the playback frame in which the avatar leaves its action, ``left``. ``shown``
+    (rows,), or (0,), is what each costs because it has been shown near by or lately.
     """
     falls = model.falls
     policy, stance = avatars.policy[own], int(avatars.conditions[avatars.number[own]].stance)
@@ -53,37 +57,63 @@ def pick_fall(model, avatars, world, frame, own, kind, observed, q):
     for row in range(falls.shape[0]):
         if falls[row].policy == policy and falls[row].kind == kind:
             nearest = min(nearest, _apart(falls[row].direction, blow))
-    found, best, least, gap = -1, math.inf, NOWHERE, math.inf
+    found, least = -1, math.inf
     for row in range(falls.shape[0]):
         if falls[row].policy != policy or falls[row].kind != kind:
             continue
-        unfit = _unfit(model, avatars, world, frame, own, row, blow, nearest, observed, q)
-        if unfit > best or unfit == math.inf:
+        cost = _unfit(model, avatars, world, frame, own, row, blow, nearest, observed, q)
+        if cost >= least:
             continue
-        astray, unlike = _astray(model, row, stance), _unlike(model, avatars, own, row)
-        if unfit < best or astray < least or (astray == least and unlike < gap):
-            found, best, least, gap = row, unfit, astray, unlike
+        cost += ASTRAY * min(_astray(model, row, stance), FAR_ASTRAY)
+        cost += UNLIKE * _unlike(model, avatars, own, row, left)
+        if shown.shape[0] > 0:
+            cost += shown[falls[row].twin]
+        if cost < least:
+            found, least = row, cost
     return found
 
 
 @kernel
-def _unlike(model, avatars, own, row):
-    """Return how far the pose in which an avatar ends its action, and its motion, are from the start of a fall.
+def shown_before(model, avatars, frame, own, costs):
+    """Write what it costs to fall as others have fallen, or the avatar itself: more of those near by and of late.
+
+    That is for the first row of each captured fall; ``costs`` is of shape (rows of ``Model.falls``,).
+    """
+    costs[:] = 0.0
+    for number in range(avatars.conditions.shape[0]):
+        other = avatars.conditions[number]
+        if other.fell > 0.0:
+            j = avatars.slot_of[number]
+            dx, dz = avatars.x[j] - avatars.x[own], avatars.z[j] - avatars.z[own]
+            near = BESIDE if dx * dx + dz * dz < NEARBY * NEARBY else 0.0
+            shows = model.falls[int(other.fell) - 1].twin
+            costs[shows] += (SHOWN + near) * LATELY / (LATELY + frame - other.fell_frame)
+
+
+@kernel(inline=True)
+def last_frame(model, avatars, own):
+    """Return the playback frame in which an avatar's action ends."""
+    action = model.actions[avatars.motion[own].action]
+    return action.origin + action.length * model.policies[avatars.policy[own]].stride
+
+
+@kernel
+def _unlike(model, avatars, own, row, left):
+    """Return how far the pose in which an avatar leaves its action, and its motion, are from the start of a fall.
 
     That is the sum of squares over head, trunk, elbows and fists, and over how far these move in a control frame [m2].
     """
     bodies, arms, ground = model.bodies, model.arms, model.ground
-    action, stride = avatars.motion[own].action, model.policies[avatars.policy[own]].stride
-    left = model.actions[action].origin + model.actions[action].length * stride
-    entered = model.actions[model.falls[row].action].origin
-    own_x, own_z = _way(ground, left - stride, left)
+    stride = model.policies[avatars.policy[own]].stride
+    before, entered = max(left - stride, 0), model.actions[model.falls[row].action].origin
+    own_x, own_z = _way(ground, before, left)
     its_x, its_z = _way(ground, entered, entered + stride)
     gap = 0.0
     for k in range(bodies.shape[1] + arms.shape[1]):
         points, point = (bodies, k) if k < bodies.shape[1] else (arms, k - bodies.shape[1])
         for axis in range(3):
             here, there = points[left, point, axis], points[entered, point, axis]
-            moved = (here - points[left - stride, point, axis]) - (points[entered + stride, point, axis] - there)
+            moved = (here - points[before, point, axis]) - (points[entered + stride, point, axis] - there)
             moved += (own_x - its_x) * (axis == 0) + (own_z - its_z) * (axis == 2)
             gap += (here - there) ** 2 + (LASTS * moved) ** 2
     return gap

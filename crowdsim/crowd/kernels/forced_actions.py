@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from crowdsim.crowd.kernels.fall_clearance import slide
-from crowdsim.crowd.kernels.falling import next_piece, part_of, pick_fall
+from crowdsim.crowd.kernels.falling import last_frame, next_piece, part_of, pick_fall
 from crowdsim.crowd.kernels.layout import DROPS, FALLING, FALLS, LIES, LYING, RISING, STAGGERS, STANDS_UP, STUMBLES, UP
 from crowdsim.jit import kernel
 
@@ -36,17 +35,15 @@ def special_action(model, avatars, world, frame, own, observed, q):
     standing = row.standing
     row.standing_next = UP
     if standing <= STAGGERS:
-        found = pick_fall(model, avatars, world, frame, own, STUMBLES, observed, q) if standing == STAGGERS else -1
+        found = -1
+        if standing == STAGGERS:
+            left, nothing = last_frame(model, avatars, own), avatars.x[:0]
+            found = pick_fall(model, avatars, world, frame, own, STUMBLES, left, nothing, observed, q)
         if found < 0:
             found = next_piece(model, np.int64(row.fall))
         if found < 0:
             return -1
         row.fall = found
-        return model.falls[found].action
-    if standing == DROPS:
-        found = pick_fall(model, avatars, world, frame, own, FALLS, observed, q)
-        row.standing_next, row.fall = FALLING, found
-        slide(model, avatars, world, frame, own, found, observed, q)
         return model.falls[found].action
     if FALLING <= standing <= LYING:
         avatars.slides[own].x, avatars.slides[own].z = 0.0, 0.0

@@ -84,7 +84,7 @@ CONDITION = np.dtype(
     _fields(
         _F8, "mode", "does", "does_next", "keeps", "standing", "standing_next", "fall", "downs", "rises", "health",
         "hurt", "hurt_frame", "stamina", "tempo", "aggression", "range", "stance", "piece",
-        "way_x", "way_z", "pace", "travel", "leg",
+        "way_x", "way_z", "pace", "travel", "leg", "fell", "fell_frame",
     )
 )  # fmt: skip
 """How an avatar is in a fight.
@@ -107,6 +107,8 @@ CONDITION = np.dtype(
     piece: 1 more than its row of ``Model.rests`` while it stands at ease, else 0.
     way_x, way_z: The point that it travels to [m].
     pace: How fast it travels, for a body of scale 1 [m in a control frame].
+    fell, fell_frame: 1 more than the row of ``Model.falls`` of its last fall, 0 for none, and the frame in which that
+        began.
     travel, leg: 1 more than the number of its path (``Crowd.travels``), else 0, and which point of that is next.
 """
 
@@ -180,10 +182,10 @@ GRID_AXIS = np.dtype(_fields(_F8, "first", "per_unit", "points", "wraps", "apart
 ``environment.Axis.stretch``), their number, whether the axis wraps, how far apart neighbours lie in the table, the
 fade, its range, and how much values are squeezed."""
 
-FALL = np.dtype([*_fields(_F8, "direction"), *_fields(_I4, "policy", "kind", "action", "fall")])
+FALL = np.dtype([*_fields(_F8, "direction"), *_fields(_I4, "policy", "kind", "action", "fall", "twin")])
 """What knocks avatars down: bearing of the trunk's way in the avatar's ground frame at its start, 0 forward, pi / 2 to
-the left [rad]; policy, kind (``FALLS`` to ``STUMBLES_ON``), action, and the row of the fall that it belongs to, of a
-stagger that of its first piece."""
+the left [rad]; policy, kind (``FALLS`` to ``STUMBLES_ON``), action, the row of the fall that it belongs to, of a
+stagger that of its first piece, and the first row of the same captured motion, mirrored or not."""
 
 LINE = np.dtype(_fields(_F8, "x", "z", "to_x", "to_z"))
 """Where a body lies: from its head to its feet, over the ground [m]."""

@@ -1,0 +1,103 @@
+"""Knock-downs: an avatar leaves what it is doing at the blow, throws nothing any more, and falls."""
+
+import math
+
+import numpy as np
+
+from crowdsim.crowd.kernels.advance import start_action
+from crowdsim.crowd.kernels.confinement import confine
+from crowdsim.crowd.kernels.fall_clearance import slide
+from crowdsim.crowd.kernels.falling import pick_fall, shown_before
+from crowdsim.crowd.kernels.interpolation import ground_at
+from crowdsim.crowd.kernels.layout import DROPS, FALLING, FALLS
+from crowdsim.crowd.kernels.opponents import observe_all
+from crowdsim.jit import kernel
+
+
+@kernel
+def knock_down(model, avatars, world, now, strikes, first, last, due, observed, distances, hits):
+    """Let avatars fall that strikes ``first`` to ``last`` have knocked down, from the blow on, by their numbers.
+
+    Strikes that they throw after it are not thrown. ``due``, ``observed``, ``distances`` and ``hits`` are scratch space
+    as of ``opponents.observe_all``, for all that are present. Returns where the strikes that are left end.
+    """
+    number, shown = -1, np.empty(model.falls.shape[0])
+    while True:
+        blow = _next_blow(strikes, first, last, number)
+        if blow < 0:
+            return last
+        number, hit = np.int64(strikes[blow].victim), strikes[blow].frame
+        own = avatars.slot_of[number]
+        if avatars.conditions[number].standing != DROPS:
+            continue
+        last = _take_back(avatars, strikes, first, last, number, hit)
+        left = _leave(model, avatars, now.frame, own, hit)
+        due[0] = own
+        observe_all(avatars, now.present, due, 1, world.crowding.sight, observed, distances, hits)
+        shown_before(model, avatars, now.frame, own, shown)
+        row = pick_fall(model, avatars, world, now.frame, own, FALLS, left[1], shown, observed, 0)
+        condition = avatars.conditions[number]
+        condition.fall, condition.standing_next, condition.piece = row, FALLING, 0.0
+        condition.fell, condition.fell_frame = row + 1.0, now.frame
+        slide(model, avatars, world, now.frame, own, row, observed, 0)
+        start_action(model, avatars, world, now.frame, own, model.falls[row].action, left[0])
+        avatars.motion[own].pending = model.actions[avatars.motion[own].action].first_strike
+        avatars.playback[own].action_before, avatars.playback[own].phase_before = -1, left[0]
+        avatars.fight[own].opponent_before = avatars.opponent[own] = avatars.fight[own].next_opponent = -1
+        avatars.fight[own].decisions += 1
+        if world.places.parts.shape[0] > 0:
+            confine(model, avatars, world, now.frame, own)
+
+
+@kernel(inline=True)
+def _next_blow(strikes, first, last, number):
+    """Return the strike that has knocked down the avatar with the next number, or -1."""
+    found = -1
+    for k in range(first, last):
+        felled = strikes[k].down > 0 and strikes[k].victim > number
+        if felled and (found < 0 or strikes[k].victim < strikes[found].victim):
+            found = k
+    return found
+
+
+@kernel(inline=True)
+def _take_back(avatars, strikes, first, last, number, hit):
+    """Remove the strikes of an avatar after a blow, and what they took; return where those that are left end.
+
+    A strike stays that has itself knocked down.
+    """
+    kept = first
+    for k in range(first, last):
+        strike = strikes[k]
+        if strike.attacker == number and strike.frame > hit and strike.down == 0:
+            if strike.damage > 0.0:
+                avatars.conditions[strike.victim].health += strike.damage
+        else:
+            if kept < k:
+                strikes[kept] = strikes[k]
+            kept += 1
+    return kept
+
+
+@kernel(inline=True)
+def _leave(model, avatars, frame, i, hit):
+    """Put an avatar where it was at a blow, at a whole playback frame of its action.
+
+    Returns the frames of motion from there to the end of this control frame, and the playback frame.
+    """
+    motion, playback = avatars.motion, avatars.playback
+    action, stride = motion[i].action, model.policies[avatars.policy[i]].stride
+    origin, length = model.actions[action].origin, np.float64(model.actions[action].length)
+    shown = min(motion[i].phase, length)
+    before = math.ceil(max(shown - (frame - hit) * motion[i].speed, 0.0) * stride - 1e-6)
+    before = min(before, math.floor(shown * stride + 1e-6))
+    cos, sin = playback[i].base_cos, playback[i].base_sin
+    gx, gz, turned = ground_at(model.ground, np.float64(origin + before))
+    if playback[i].action_before >= 0:
+        # The action began after the last control frame, and is not seen: the fall follows the one before.
+        before = 0
+        gx, gz, turned = model.starts[action].x, model.starts[action].z, model.starts[action].heading
+    avatars.x[i] = playback[i].base_x + gx * cos + gz * sin
+    avatars.z[i] = playback[i].base_z - gx * sin + gz * cos
+    avatars.heading[i] = playback[i].base_turn + turned
+    return min(max(shown - before / stride, 0.0), motion[i].speed), np.int64(origin + before)
