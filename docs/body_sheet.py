@@ -16,7 +16,7 @@ from matplotlib.collections import PolyCollection
 from PIL import Image
 
 from crowdsim.body.anatomy import Build
-from crowdsim.body.looks import colours
+from crowdsim.body.palette import avatar_paints, skin_paints
 from crowdsim.body.skin import Skin, build_skin, pose_skins
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body, build_body
@@ -106,8 +106,9 @@ def main() -> None:
         place, turned = quaternion.rotate(side, place), quaternion.multiply(side, turned)
         if isinstance(build, Build):
             vertices, normals = posed(skin, place, turned)
+            paints = skin_paints(len(BUILDS) if frame else BUILDS.index(build), avatar_paints([0])[0])
             draw(axes, vertices - [0, vertices[:, 1].min(), 0], normals, skin.triangles,
-                 colours(len(BUILDS) if frame else BUILDS.index(build), 0)[skin.parts], across)  # fmt: skip
+                 np.sqrt(paints[skin.parts, :3]), across)  # fmt: skip
         else:
             vertices, normals, triangles = capsule_mesh(body, place, turned)
             grey = np.full((len(triangles), 3), 0.72)

@@ -13,10 +13,10 @@ from PIL import Image
 from _exported.goals import find
 from _exported.plain_bvh import Array, pose, read_plain
 from _exported.run import ExportedRun
+from crowdsim.body.palette import avatar_paints
 from crowdsim.policy.bundle import load_policy
 from crowdsim.render.caption import draw_caption
 from crowdsim.render.figure import Figure, dress
-from crowdsim.render.palette import avatar_paints
 from crowdsim.render.raycast import Capsules, draw, sun_direction
 from crowdsim.render.view import look_at
 

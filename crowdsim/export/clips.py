@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowdsim.body.anatomy import Build
-from crowdsim.body.looks import colours
+from crowdsim.body.palette import avatar_paints, skin_paints
 from crowdsim.body.skin import build_skin_of
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
@@ -242,6 +242,7 @@ class ClipSink:
     def _bank(self, clips: dict[int, Array]) -> Document:
         """Lay out the bank."""
         document, sampler = Document(), self._sampler
+        paints = skin_paints(0, avatar_paints([0])[0])
         animations, moments = list[dict[str, Any]](), dict[tuple[int, float], int]()
         for policy, stretches in clips.items():
             database, motion = sampler.policies[policy].database, sampler.motions[policy]
@@ -249,7 +250,7 @@ class ClipSink:
             moving, still = moving_joints(database)
             rest = np.where(moving[:, None], np.nan, still)
             name = str(sampler.take.cast.policy_names[policy])
-            first = document.add_body(name, database.skeleton, added, rest, colours(0, 0), 1.0, {"policy": name})
+            first = document.add_body(name, database.skeleton, added, rest, paints, 1.0, {"policy": name})
             halves = first + 1 + len(moving) + np.arange(len(added.skin.helpers))
             for low, high in stretches:
                 span = slice(low, high + 1)

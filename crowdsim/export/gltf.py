@@ -24,7 +24,8 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from crowdsim.body.anatomy import Build
-from crowdsim.body.looks import colours, linear, roughness, usual_build
+from crowdsim.body.looks import roughness, usual_build
+from crowdsim.body.palette import avatar_paints, skin_paints
 from crowdsim.body.parts import SKIN_PARTS
 from crowdsim.body.skin import HELPERS, Skin, build_skin_of
 from crowdsim.core.types import Array, Progress
@@ -211,6 +212,7 @@ class GltfSink:
             samplers.append({"input": moments, "output": output, **({"interpolation": "STEP"} if steps else {})})
             channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
 
+        dresses = avatar_paints(cast.teams, np.asarray(cast.colours, float)[cast.types])
         teams = [str(name) for name in getattr(cast, "team_names", ())]
         for number, rows in there.items():
             policy, build = int(cast.policies[number]), self._builds[number]
@@ -234,8 +236,7 @@ class GltfSink:
                 if len(names):
                     extras[key_] = str(names[int(getattr(cast, index)[number])])
             moving, still = self._moving(policy)
-            colour = np.asarray(cast.colours, float)[cast.types[number]] if teams else None
-            paints = colours(number, int(cast.teams[number]), colour)
+            paints = skin_paints(number, dresses[number])
             document.add_body(
                 name, skeleton, skins[key], np.where(moving[:, None], np.nan, still), paints, scale, extras
             )
@@ -474,7 +475,7 @@ class Document:
             skeleton: Its skeleton.
             added: Its skin.
             rotations: Local rotations of joints; NaN for those of the binding pose. Shape (J, 4).
-            paints: Colour of each part of a skin, sRGB. Shape (P, 3).
+            paints: Paint of each part of a skin (``skin_paints``). Shape (P, 4).
             scale: Its size.
             extras: What its node says of it.
         """
@@ -503,7 +504,7 @@ class Document:
             "joints": list(range(first + 1, first + 1 + len(parents))),
         })  # fmt: skip
         self.json["meshes"].append({"name": name, "primitives": [
-            {"attributes": added.attributes, "indices": indices, "material": self.material(part, paints[part])}
+            {"attributes": added.attributes, "indices": indices, "material": self.material(part, paints[part, :3])}
             for part, indices in added.primitives
         ]})  # fmt: skip
         skinned = len(self.json["meshes"]) - 1
@@ -579,14 +580,14 @@ class Document:
         return len(self.json["meshes"]) - 1
 
     def material(self, part: int, colour: Array) -> int:
-        """Return the material of a part in a colour."""
+        """Return the material of a part in a linear colour."""
         key, known = (part, np.round(colour, 4).tobytes()), self.materials
         if key not in known:
             known[key] = len(self.json["materials"])
             self.json["materials"].append({
                 "name": SKIN_PARTS[part],
                 "pbrMetallicRoughness": {
-                    "baseColorFactor": [*(round(float(value), 4) for value in linear(colour)), 1.0],
+                    "baseColorFactor": [*(round(float(value), 4) for value in colour), 1.0],
                     "metallicFactor": 0.0,
                     "roughnessFactor": roughness(part),
                 },

@@ -7,13 +7,13 @@ from typing import Protocol
 
 import numpy as np
 
+from crowdsim.body.palette import EYES
 from crowdsim.core.types import Array
 from crowdsim.motion.body import PARTS, Body
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.poses.builds import capsule_segments
 from crowdsim.poses.facing import face_direction
 from crowdsim.poses.kernels.columns import TRUNK
-from crowdsim.render.palette import EYES
 
 _WAIST = 0.05
 """How far trunks reach up from the pelvis, as a share of the body's height."""

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from crowdsim.body.palette import avatar_paints
 from crowdsim.core.types import Array
 from crowdsim.poses.capsules import swelling_capsules
 from crowdsim.render.figure import Figure, dress, figure_segments
 from crowdsim.render.kernels.capsules import place_capsules
-from crowdsim.render.palette import avatar_paints
 from crowdsim.render.raycast import Capsules
 
 _BALL, _BALL_PAINT = 0.13, (0.85, 0.50, 0.03, 0.3)

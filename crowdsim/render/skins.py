@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowdsim.body.kernels import carry_skin, nearest_capsules, skin_vertices
+from crowdsim.body.palette import skin_paints
 from crowdsim.body.parts import SKIN_PARTS
 from crowdsim.body.skin import Skin
 from crowdsim.core.types import Array
 from crowdsim.motion import quaternion
 from crowdsim.render.figure import Figure
-from crowdsim.render.palette import skin_paints
 from crowdsim.render.raycast import PosedSkins
 from crowdsim.render.scene import Cast
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from crowdsim.body.palette import avatar_paints
 from crowdsim.bvh.people import split_person
 from crowdsim.capture.loading import ANALYSIS_RATE, Capture, load_people
 from crowdsim.core.types import Array, FileName
@@ -24,7 +25,6 @@ from crowdsim.poses.builds import joint_segments
 from crowdsim.render.bvh_figure import PeopleSource, clip_source, show_rate, shown_clip
 from crowdsim.render.crowd_path import watch
 from crowdsim.render.figure import bone_capsules
-from crowdsim.render.palette import avatar_paints
 from crowdsim.scenario.frame_ranges import parse_frames
 from crowdsim.view.recording import Recording, describe_figure, plan_cameras
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from crowdsim.body.palette import avatar_paints, team_colour
 from crowdsim.core.types import Array
 from crowdsim.crowd.events import OUTCOMES
 from crowdsim.errors import TakeError
@@ -16,7 +17,6 @@ from crowdsim.poses.builds import joint_segments
 from crowdsim.poses.down_state import fallen_rows
 from crowdsim.poses.sampler import PoseSampler
 from crowdsim.render.crowd_path import watch
-from crowdsim.render.palette import avatar_paints, team_colour
 from crowdsim.render.take_source import TakeSource
 from crowdsim.scenario.camera import Camera
 from crowdsim.scenario.frame_ranges import parse_frames

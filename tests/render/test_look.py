@@ -8,12 +8,12 @@ from PIL import Image
 from pydantic import ValidationError
 from render_sources import Walkers, random_walk
 
+from crowdsim.body.palette import avatar_paints
 from crowdsim.errors import CrowdsimError
 from crowdsim.motion.body import PARTS
 from crowdsim.render.batch import render
 from crowdsim.render.look import Look
 from crowdsim.render.options import RenderOptions
-from crowdsim.render.palette import avatar_paints
 from crowdsim.render.raycast import Capsules, draw, sun_direction
 from crowdsim.render.stage import build_stage
 from crowdsim.render.view import look_at

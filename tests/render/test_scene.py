@@ -6,13 +6,13 @@ import math
 import numpy as np
 import pytest
 
+from crowdsim.body.palette import EYES, avatar_paints
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import PARTS, build_body
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.performer.session import perform
 from crowdsim.render.figure import bone_capsules, dress
-from crowdsim.render.palette import EYES, avatar_paints
 from crowdsim.render.raycast import draw, sun_direction
 from crowdsim.render.scene import build_cast
 from crowdsim.render.view import look_at

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from crowdsim.body.looks import HAIR
 from crowdsim.body.parts import SKIN_PARTS
 from crowdsim.core.types import Array
 from crowdsim.motion.body import PARTS
@@ -23,6 +22,7 @@ them."""
 _SKINS = ((0.93, 0.75, 0.62), (0.80, 0.60, 0.46), (0.62, 0.44, 0.33), (0.45, 0.31, 0.24), (0.87, 0.68, 0.53))
 EYES = len(PARTS)
 """Number of the paint of eyes, which comes after those of the parts of a body."""
+_HAIR = ((0.09, 0.07, 0.06), (0.17, 0.11, 0.07), (0.06, 0.05, 0.05), (0.30, 0.20, 0.11), (0.24, 0.15, 0.09))
 _EYES = (0.02, 0.02, 0.03, 0.30)
 _TRUNKS = 0.8
 """How bright trunks are for the colour of a team."""
@@ -88,7 +88,7 @@ def skin_paints(avatar: int, paints: Array) -> Array:
         paints: Its row of ``avatar_paints``. Shape (7, 4).
     """
     skin, glove, shirt, trunks, shoe = (paints[PARTS.index(name)] for name in _DRESSES)
-    hair = np.array((*(value**2.0 for value in HAIR[(avatar * 7 + avatar // 3) % len(HAIR)]), 0.10))
+    hair = np.array((*(value**2.0 for value in _HAIR[(avatar * 7 + avatar // 3) % len(_HAIR)]), 0.10))
     bright = np.array((*(0.25 * glove[:3] + 0.55), 0.12))
     of = {
         "skin": skin, "hair": hair, "brows": hair, "eyes": (0.62, 0.60, 0.56, 0.4), "pupils": (0.01, 0.01, 0.01, 0.6),
