@@ -1,4 +1,4 @@
-"""The player: size of pages, seconds to write them, error of joints, and how soon and how fast Chromium shows them.
+"""The player: size of pages, error of joints, how soon and how fast Chromium shows them, and what is played live.
 
     python benchmarks/view.py [--json] [--quick]
 
@@ -11,6 +11,12 @@ processors that all else shares: a machine with graphics hardware is many times 
 from the start of the browser's process with a new profile to the first picture, the best of several;
 ``frame_milliseconds`` is the median of the time between pictures while the recording plays, once resolution and detail
 have adapted. Both are null where there is no Chromium.
+
+``play`` is ``brawl_30`` live. ``control_milliseconds`` and ``pose_milliseconds`` are medians of a control frame, of
+which there are 15 a second: simulating it, and posing it for the page. With the page open, ``core_share`` is the share
+of a core that the process of ``crowdsim play`` takes, ``frames_per_second`` what arrives of it. ``drag_to_picture_ms``
+is the time from a movement of the mouse that drags a target, in the scene of one boxer, to the end of drawing the first
+picture that shows it, as the page measures it: the median; 95 % are within ``drag_to_picture_95_ms``.
 """
 
 from __future__ import annotations
@@ -18,21 +24,27 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import subprocess
+import sys
 import tempfile
 import time
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 from _chromium import JOINTS, Browser, find
 from _quick import small_policies
 
 from crowdsim.crowd.profiling import with_avatars
 from crowdsim.preparation.prepare import load_policies
+from crowdsim.runs.playing import Session
 from crowdsim.runs.recorded import RecordedRun
 from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
+from crowdsim.view.live import LivePoses
 from crowdsim.view.page import page_parts
 from crowdsim.view.recording import Recording
 
@@ -106,6 +118,87 @@ def frame_time(browser: Browser, seconds: tuple[float, float]) -> float:
     return float(np.median(browser.evaluate("gaps")[1:]))
 
 
+def live_costs(frames: int) -> dict[str, float]:
+    """Return what control frames of ``brawl_30`` cost while it is played [ms]."""
+    scenario = load_scenario("brawl_30")
+    session = Session(scenario, load_policies(scenario, threads=THREADS))
+    poses, spent = LivePoses(session.crowd), []
+    for _ in range(frames):
+        started = time.perf_counter()
+        poses.add(session.step())
+        stepped = time.perf_counter()
+        if poses.shown >= 0:
+            poses.poses()
+            spent.append((stepped - started, time.perf_counter() - stepped))
+    session.close()
+    control, posed = 1e3 * np.median(spent[len(spent) // 4 :], axis=0)
+    return {"control_milliseconds": float(control), "pose_milliseconds": float(posed)}
+
+
+@contextmanager
+def played(name: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """Play a scenario or policy in a process of its own; yield it and the address of its page."""
+    command = [sys.executable, "-m", "crowdsim.cli", "play", name, "--no-open"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        assert process.stdout is not None
+        try:
+            yield process, process.stdout.readline().strip()
+        finally:
+            process.terminate()
+
+
+def live_shares(seconds: float) -> dict[str, float]:
+    """Return the share of a core that ``brawl_30`` takes while it is played, and the frames a second that arrive."""
+    with played("brawl_30") as (process, address), Browser() as browser:
+        browser.shown(address)
+        browser.wait("crowdsimPlayer.recording.latest > 15")
+        times = psutil.Process(process.pid)
+        used, first = (
+            sum(times.cpu_times()[:2]),
+            browser.evaluate("[performance.now(), crowdsimPlayer.recording.latest]"),
+        )
+        time.sleep(seconds)
+        more, last = (
+            sum(times.cpu_times()[:2]),
+            browser.evaluate("[performance.now(), crowdsimPlayer.recording.latest]"),
+        )
+        passed = (last[0] - first[0]) / 1e3
+        return {"core_share": (more - used) / passed, "frames_per_second": (last[1] - first[1]) / passed}
+
+
+def drag_times(policy: str, moves: int) -> dict[str, float]:
+    """Return how long it takes from a movement of the mouse to the picture that shows where the target is then [ms]."""
+    with played(policy) as (_, address), Browser() as browser:
+        browser.shown(address)
+        browser.wait("crowdsimPlayer.recording.latest > 15")
+        browser.evaluate(
+            "globalThis.waits = []; globalThis.moved = 0;"
+            "document.getElementById('picture').addEventListener('pointermove', event => {"
+            " if (event.buttons && !moved) moved = event.timeStamp; });"
+            "(() => { const player = crowdsimPlayer, real = player.tell.bind(player);"
+            " player.tell = () => { real(); if (!moved) return; player.painter.gl.finish();"
+            " waits.push(performance.now() - moved); moved = 0; }; })()"
+        )
+        x, y = browser.evaluate(
+            "crowdsimPlayer.view.project(...crowdsimPlayer.crowd.targets("
+            "crowdsimPlayer.crowd.around(crowdsimPlayer.time * crowdsimPlayer.scene.fps))[0]).slice(0, 2)"
+        )
+        browser.drag((x, y), (x - 160, y + 60), moves)
+        waits = browser.evaluate("waits")
+        times = {"drag_to_picture_ms": np.median(waits), "drag_to_picture_95_ms": np.quantile(waits, 0.95)}
+        return {name: float(value) for name, value in times.items()}
+
+
+def measure_play(quick: bool, has_browser: bool) -> dict[str, Any]:
+    """Return the figures of what is played live."""
+    outcome: dict[str, Any] = live_costs(20 if quick else 400)
+    outcome |= dict.fromkeys(("core_share", "frames_per_second", "drag_to_picture_ms", "drag_to_picture_95_ms"))
+    if has_browser:
+        outcome |= live_shares(1.0 if quick else PLAYING)
+        outcome |= drag_times("boxer", 10 if quick else 120)
+    return outcome
+
+
 def measure(quick: bool) -> dict[str, Any]:
     """Return the figures of all pages."""
     outcome: dict[str, Any] = {"renderer": None, "pages": {}}
@@ -136,6 +229,7 @@ def measure(quick: bool) -> dict[str, Any]:
                         )
                     row["frame_milliseconds"] = frame_time(browser, (0.2, 1.0) if quick else (ADAPTING, PLAYING))
             outcome["pages"][name] = row
+    outcome["play"] = measure_play(quick, has_browser)
     return outcome
 
 
@@ -160,6 +254,13 @@ def main() -> None:
             )
         )  # fmt: skip
         print(f"  {int(name):>6,} boxers{shown}")
+    play = outcome["play"]
+    control, posed = play["control_milliseconds"], play["pose_milliseconds"]
+    print(f"played live, {control:.2f} ms control and {posed:.1f} ms poses a frame")
+    if play["core_share"] is not None:
+        print(f"  {play['core_share']:.0%} of a core at {play['frames_per_second']:.1f} frames a second")
+        print(f"  {play['drag_to_picture_ms']:.0f} ms from a drag to the picture, ", end="")
+        print(f"95 % within {play['drag_to_picture_95_ms']:.0f} ms")
 
 
 if __name__ == "__main__":

@@ -42,4 +42,29 @@ def player(results: Results) -> list[str]:
     return results.table(["", *PAGES.values()], rows, "view")
 
 
-VIEW_TABLES: dict[str, Callable[[Results], list[str]]] = {"player": player}
+LIVE = {
+    "control, a control frame [ms]": ("control_milliseconds", 0.67),
+    "poses, a control frame [ms]": ("pose_milliseconds", 8.0),
+    "share of a core, the page open [%]": ("core_share", 25.0),
+    "control frames a second that arrive": ("frames_per_second", None),
+    "from a drag to the picture, median [ms]": ("drag_to_picture_ms", 50.0),
+    "from a drag to the picture, 95 % within [ms]": ("drag_to_picture_95_ms", 90.0),
+}
+"""Rows of what is played live: keys, and the most that they may be. At 15 frames a second 1 % of a core is 0.67 ms."""
+
+
+def live(results: Results) -> list[str]:
+    """Return what ``brawl_30`` costs while it is played, and how soon a drag shows."""
+
+    def shown(key: str, most: float | None) -> Format:
+        def text(value: float) -> str:
+            value = 100.0 * value if key == "core_share" else value
+            return number(value) if most is None or value <= most else f"**{number(value)}** (at most {most:g})"
+
+        return text
+
+    rows = [[label, results.cell(shown(key, most), "view", "play", key)] for label, (key, most) in LIVE.items()]
+    return results.table(["", "`brawl_30`, played live"], rows, "view")
+
+
+VIEW_TABLES: dict[str, Callable[[Results], list[str]]] = {"player": player, "live": live}

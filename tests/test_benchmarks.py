@@ -80,6 +80,8 @@ KEYS = {
         *(f"pages.{count}.{key}" for count in ("30", "1000", "10000")
           for key in ("megabytes", "posing_seconds", "seconds", "first_picture_seconds", "frame_milliseconds")),
         "pages.30.error_millimetres", "renderer",
+        *(f"play.{key}" for key in ("control_milliseconds", "pose_milliseconds", "core_share", "frames_per_second")),
+        "play.drag_to_picture_ms", "play.drag_to_picture_95_ms",
     ],
     "places": [f"square_{side}.{key}" for side in (12, 24) for key in ("ratio", "hidden_share", "building_seconds")],
     "poses": [f"{name}.poses_per_s" for name in ("threads_1", "threads_2", "crowd_of_10000_by_8_frames")],
@@ -104,7 +106,16 @@ MAY_BE_NULL = {
     *(
         key
         for key in KEYS["view"]
-        if key.rpartition(".")[2] in ("first_picture_seconds", "frame_milliseconds", "error_millimetres")
+        if key.rpartition(".")[2]
+        in (
+            "first_picture_seconds",
+            "frame_milliseconds",
+            "error_millimetres",
+            "core_share",
+            "frames_per_second",
+            "drag_to_picture_ms",
+            "drag_to_picture_95_ms",
+        )
     ),
 }
 
