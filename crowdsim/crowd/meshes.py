@@ -54,10 +54,10 @@ def read_obj(path: Path) -> tuple[Array, Array]:
         raise MeshError("holds no faces, expected an OBJ file with lines 'v x y z' and 'f 1 2 3'")
     if len(triangles) > MOST_TRIANGLES:
         raise MeshError(f"has {len(triangles):,} triangles, expected at most {MOST_TRIANGLES}")
-    corners = np.array(vertices)
-    if not (np.ptp(corners, axis=0) > 0.0).any():
+    points = np.array(vertices)
+    if not (np.ptp(points, axis=0) > 0.0).any():
         raise MeshError("has no size: all of its vertices are one point")
-    return corners, np.array(triangles, np.int64)
+    return points, np.array(triangles, np.int64)
 
 
 def face_rods(vertices: Array, triangles: Array) -> Array:

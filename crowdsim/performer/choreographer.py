@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from crowdsim.motion import ground
 from crowdsim.performer.footwork import stance_prints
-from crowdsim.performer.moves import DEFENCES, PUNCHES, Punch
+from crowdsim.performer.moves import COMBINATIONS, DEFENCES, PRESSING, PUNCHES, Punch
 from crowdsim.performer.score import (
     BENDS,
     GUARD_SWING,
@@ -27,6 +27,7 @@ from crowdsim.performer.score import (
     Turn,
     draw_style,
 )
+from crowdsim.performer.sticks import Grip
 
 _ELBOWS = frozenset({Channel.LEAD_ELBOW, Channel.REAR_ELBOW})
 _ARMS = frozenset(channel for channel in Channel if channel >= Channel.LEAD_FORTH)
@@ -57,6 +58,9 @@ class Choreographer:
     Attributes:
         rng: Where every number is drawn from.
         style: How the boxer stands.
+        punches: What it strikes, by name; of one with a stick, blows of that.
+        combinations: What it strikes one after another: digits are places in ``punches``, from 1 on.
+        pressing: Likewise, on the way.
         score: What is written so far.
         ground_frame: Ground transform of the stance after the steps planned so far.
         prints: Position of the ball of each foot then, and its heading (x, z, yaw), lead and rear. Shape (2, 3).
@@ -64,12 +68,18 @@ class Choreographer:
         hands_free: When each hand is back in the guard [s].
     """
 
-    def __init__(self, rng: np.random.Generator, facing: float | None = None) -> None:
+    def __init__(self, rng: np.random.Generator, facing: float | None = None, grip: Grip | None = None) -> None:
         self.rng = rng
-        self.style = draw_style(rng)
+        self.style, held = draw_style(rng), list[Accent]()
+        if grip is not None:
+            self.style, held = grip.hold(self.style)
+        self.punches = PUNCHES if grip is None else grip.blows
+        self.combinations = COMBINATIONS if grip is None else grip.combinations
+        self.pressing = PRESSING if grip is None else grip.pressing
         heading = rng.uniform(-np.pi, np.pi) if facing is None else facing
         self.ground_frame = np.array([0.0, 0.0, heading])
-        self.score = Score(self.style, (0.0, 0.0, float(heading)))
+        self.score = Score(self.style, (0.0, 0.0, float(heading)), two_hands=grip is not None and grip.two_hands)
+        self.score.accents += held
         self.prints = stance_prints(self.style, self.ground_frame)
         self.feet_free = 0.0
         self.hands_free = [0.0, 0.0]
@@ -192,7 +202,7 @@ class Choreographer:
 
     def draw_speed(self, kind: str) -> float:
         """Draw the highest speed of a punching fist relative to the pelvis, roughly [m/s]."""
-        middle, spread = PUNCHES[kind].speed
+        middle, spread = self.punches[kind].speed
         return middle + spread * self.normal(1.6, 2.4)
 
     def punch(
@@ -208,7 +218,7 @@ class Choreographer:
         """Throw a punch whose fist sets off at ``onset`` [s], later where the hand is not back yet.
 
         Args:
-            kind: A key of ``PUNCHES``.
+            kind: A key of ``punches``.
             onset: When the fist sets off [s].
             to_body: To the body, not to the head.
             bearing: Where the opponent is, in the stance frame [rad]; the punch's own spread comes on top.
@@ -216,7 +226,7 @@ class Choreographer:
             speed: The fist's highest speed relative to the pelvis, roughly [m/s].
             height: Of the target [m]; drawn when None.
         """
-        rng, recipe = self.rng, PUNCHES[kind]
+        rng, recipe = self.rng, self.punches[kind]
         hand = recipe.hand
         onset = max(onset, self.hands_free[hand])
         if height is None:

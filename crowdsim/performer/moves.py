@@ -228,3 +228,10 @@ DEFENCES = {
                                          REAR_RAISE=0.12),
     )),
 }
+
+COMBINATIONS = (
+    "1 2 3 4 5 6 11 12 12 23 32 16 14 54 63 36 112 123 125 232 343 563 43 654 145 1232 1254 3632 12123"
+).split()
+"""Punches by the numbers that boxers give them: 1 is the first of ``PUNCHES``, the jab."""
+PRESSING = "1 1 2 12 3 11".split()
+"""Combinations that are thrown on the way."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import namedtuple
+from collections.abc import Sequence
 
 import numpy as np
 
 from crowdsim.motion import ground
 from crowdsim.performer.choreographer import Choreographer
 from crowdsim.performer.free_footwork import ROOM, bounce, in_and_out, run_up, shuffle_any_way
-from crowdsim.performer.moves import DEFENCES, PUNCHES
+from crowdsim.performer.moves import DEFENCES
 from crowdsim.performer.score import Score, Travel
 
 Theme = namedtuple("Theme", "strike steps turn defend counter stand travel shuffle press bounce pause")
@@ -23,12 +24,6 @@ THEMES = (
 )
 _EXCHANGE = Theme(6.0, 1.2, 0.3, 1.0, 1.5, 0.0, 0.0, 1.6, 0.0, 0.0, pause=0.12)
 """What a boxer does in an exchange of blows."""
-_COMBINATIONS = (
-    "1 2 3 4 5 6 11 12 12 23 32 16 14 54 63 36 112 123 125 232 343 563 43 654 145 1232 1254 3632 12123"
-).split()
-"""Punches by the numbers that boxers give them: 1 is the first of ``PUNCHES``, the jab."""
-_PRESSING = "1 1 2 12 3 11".split()
-"""Combinations that are thrown on the way."""
 _CLOSE = frozenset({"lead_hook", "rear_hook", "lead_uppercut", "rear_uppercut"})
 
 
@@ -50,9 +45,9 @@ class _Boxer:
         far = float(rng.uniform(0.07, 0.25))
         return far * float(np.cos(angle)), far * float(np.sin(angle)) * 0.85
 
-    def draw(self, combinations: list[str]) -> list[str]:
+    def draw(self, combinations: Sequence[str]) -> list[str]:
         """Draw a combination; return its kinds of punches."""
-        kinds = list(PUNCHES)
+        kinds = list(self.plan.punches)
         return [kinds[int(number) - 1] for number in combinations[int(self.rng.integers(len(combinations)))]]
 
     def combination(self, begin: float, kinds: list[str], bearing: float = 0.0) -> float:
@@ -76,7 +71,7 @@ class _Boxer:
         onset = begin + rng.uniform(0.0, 0.06)
         previous = None
         for kind in kinds:
-            recipe = PUNCHES[kind]
+            recipe = self.plan.punches[kind]
             to_body = bool(rng.uniform() < 0.22)
             least, most = recipe.distance
             furthest = most if close < len(kinds) else 0.9 * most + 0.1 * least
@@ -103,7 +98,7 @@ class _Boxer:
     def strike(self) -> float:
         """Throw a combination, sometimes at an opponent who is not straight ahead; return when it is over [s]."""
         rng = self.rng
-        kinds = self.draw(_COMBINATIONS)
+        kinds = self.draw(self.plan.combinations)
         bearing = float(rng.uniform(-1.1, 1.3)) if rng.uniform() < 0.16 else 0.0
         return self.combination(self.now, kinds, bearing)
 
@@ -156,7 +151,7 @@ class _Boxer:
     def counter(self) -> float:
         """Defend once or twice, and hit back; return when that is over [s]."""
         end = self.defend()
-        kinds = self.draw(_COMBINATIONS)
+        kinds = self.draw(self.plan.combinations)
         return self.combination(end - self.rng.uniform(0.04, 0.2), kinds)
 
     def stand(self) -> float:
@@ -179,7 +174,7 @@ class _Boxer:
             return self.steps()
         end = run_up(plan, self.now, spare) if rng.uniform() < 0.85 else in_and_out(plan, self.now, ahead=True)
         if rng.uniform() < 0.5 and end < self.seconds - 2.9:
-            kinds = self.draw(_COMBINATIONS)
+            kinds = self.draw(self.plan.combinations)
             return self.combination(end - rng.uniform(0.0, 0.25), kinds)
         return end
 
@@ -197,7 +192,7 @@ class _Boxer:
             start, side = feet, float(rng.uniform(-0.03, 0.03))
             feet = plan.move(start, plan.about(far, 0.05), side, turn, plan.about(1.0, 0.04), quick=True)
             if step == punching and step < last:
-                kinds = self.draw(_PRESSING)
+                kinds = self.draw(self.plan.pressing)
                 fists = self._punch_far(start + rng.uniform(-0.06, 0.04), kinds)
                 punching += int(rng.integers(2, 4))
         plan.score.travels.append(Travel("shuffle", begin, feet))
@@ -207,7 +202,7 @@ class _Boxer:
         """Throw punches near the end of their reach from ``onset`` on [s]; return when the last fist is back [s]."""
         end = onset
         for kind in kinds:
-            recipe = PUNCHES[kind]
+            recipe = self.plan.punches[kind]
             least, most = recipe.distance
             to_body = bool(self.rng.uniform() < 0.15)
             distance = float(self.rng.uniform(0.6 * least + 0.4 * most, most))

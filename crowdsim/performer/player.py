@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from crowdsim.performer.fists import clear_head, lead_fists
 from crowdsim.performer.footwork import Footwork, trace_feet
 from crowdsim.performer.idle_motion import add_idle_motion
 from crowdsim.performer.score import Channel, Reach, Score, Style
+from crowdsim.performer.sticks import lower_fist, tilted
 
 _SINKS = 0.31
 """How long before a leg is at its longest the pelvis begins to sink for it [s]."""
@@ -32,6 +34,8 @@ _STEEPEST_HEEL = 1.05
 """The same of a foot that leaves the floor behind the body [rad]."""
 _SOLE = bones.BALL_AHEAD + 0.05
 """From the heel to the ball of a foot [m]."""
+_GRIPS = 8
+"""Rounds in which both hands come to where they hold one stick."""
 _GAZE_FOLLOWS = 0.25
 """How far the head turns with the chest; the rest of it stays on the opponent."""
 
@@ -134,22 +138,49 @@ def play_score(score: Score, skeleton: Skeleton, times: Array, rng: np.random.Ge
     collars, shoulders = _raise_shoulders(skeleton, channels, trunk, rotations)
     reached, reaches = lead_fists(score, times, feet.heading, trunk, channels, shoulders, resting)
     fists = joints.within_reach(clear_head(reached, head), shoulders)
+    bend = partial(_bend_arm, style, channels, trunk, collars, shoulders, fists, rotations)
+    if score.two_hands:
+        for _ in range(_GRIPS):
+            bend(1)
+            upper, forearm, hand = (rotations[:, bone[1]] for bone in (bones.ARMS, bones.FOREARMS, bones.HANDS))
+            held = quat.multiply(quat.multiply(quat.multiply(collars[1], upper), forearm), hand)
+            lower = lower_fist(fists[:, 1], held)
+            fists[:, 0] = joints.within_reach(lower, shoulders[:, 0])
+            # Where the lower hand does not come, the upper one goes no further either.
+            fists[:, 1] = joints.within_reach(fists[:, 1] + fists[:, 0] - lower, shoulders[:, 1])
     for side in range(2):
-        posed = joints.pose_arm(
-            side,
-            trunk.chest_rotation,
-            collars[side],
-            shoulders[:, side],
-            fists[:, side],
-            style.elbows[side] + channels[:, Channel.LEAD_ELBOW + side],
-            0.3 + channels[:, Channel.LEAD_ROLL + side],
-        )
-        for bone, local in zip((bones.ARMS, bones.FOREARMS, bones.HANDS), posed, strict=True):
-            rotations[:, bone[side]] = local
+        bend(side)
     if score.falls:
         hips, rotations, weight = fall_over(skeleton, hips, rotations, score, times, rng)
         feet = replace(feet, planted=feet.planted & (weight == 0.0)[:, None])
     return Played(hips, quat.continuous(rotations), feet, fists, shoulders, reaches)
+
+
+def _bend_arm(
+    style: Style,
+    channels: Array,
+    trunk: joints.Trunk,
+    collars: list[Array],
+    shoulders: Array,
+    fists: Array,
+    rotations: Array,
+    side: int,
+) -> None:
+    """Write the rotations of an arm whose fist is where it should be, and of its hand."""
+    posed = joints.pose_arm(
+        side,
+        trunk.chest_rotation,
+        collars[side],
+        shoulders[:, side],
+        fists[:, side],
+        style.elbows[side] + channels[:, Channel.LEAD_ELBOW + side],
+        0.3 + channels[:, Channel.LEAD_ROLL + side],
+    )
+    for bone, local in zip((bones.ARMS, bones.FOREARMS, bones.HANDS), posed, strict=True):
+        rotations[:, bone[side]] = local
+    wrist = channels[:, Channel.LEAD_WRIST + side]
+    if wrist.any():
+        rotations[:, bones.HANDS[side]] = tilted(rotations[:, bones.HANDS[side]], wrist, side)
 
 
 def _set_feet(

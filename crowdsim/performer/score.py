@@ -24,14 +24,16 @@ Channel = IntEnum(
     "SHIFT_X SHIFT_Z HEIGHT PELVIS_TURN PELVIS_TILT PELVIS_BEND TWIST FLEX BEND HEAD_TURN HEAD_NOD HEAD_BEND "
     "LEAD_YAW REAR_YAW LEAD_HEEL REAR_HEEL LEAD_FORTH REAR_FORTH LEAD_RAISE REAR_RAISE LEAD_ELBOW REAR_ELBOW "
     "LEAD_ROLL REAR_ROLL LEAD_HAND_X LEAD_HAND_Y LEAD_HAND_Z REAR_HAND_X REAR_HAND_Y REAR_HAND_Z "
-    "LEAD_SWING_X LEAD_SWING_Y LEAD_SWING_Z REAR_SWING_X REAR_SWING_Y REAR_SWING_Z LEAD_ARC REAR_ARC",
+    "LEAD_SWING_X LEAD_SWING_Y LEAD_SWING_Z REAR_SWING_X REAR_SWING_Y REAR_SWING_Z LEAD_ARC REAR_ARC "
+    "LEAD_WRIST REAR_WRIST",
     start=0,
 )
 """What an accent changes; lengths [m] and angles [rad] on top of the guard stance.
 
 Turns and twists grow to the left, bends lean to the left, tilts, flexion and nods lean forward, and heels rise. Forth
 and raise move a shoulder, elbow lifts it outwards, roll turns a fist palm down, hand moves the guard, swing moves a
-fist in the guard's frame, and arc turns it about the middle between the shoulders.
+fist in the guard's frame, arc turns it about the middle between the shoulders, and wrist tilts what it holds towards
+the knuckles.
 """
 
 BENDS = tuple(
@@ -278,7 +280,8 @@ def draw_style(rng: np.random.Generator) -> Style:
 class Score:
     """One clip as a score: its length [s], how the boxer stands, the first stance (x, z, heading), and what happens.
 
-    A clip has one fall at the most; ``poses`` are those that the body goes through in it.
+    A clip has one fall at the most; ``poses`` are those that the body goes through in it. With ``two_hands`` both hands
+    hold a stick.
     """
 
     style: Style
@@ -295,3 +298,4 @@ class Score:
     falls: list[Fall[float]] = field(default_factory=list)
     staggers: list[Span[float]] = field(default_factory=list)
     rests: list[Rest[float]] = field(default_factory=list)
+    two_hands: bool = False

@@ -25,6 +25,7 @@ from crowdsim.performer.rests import RESTS, write_rest
 from crowdsim.performer.score import Score
 from crowdsim.performer.skeleton import build_skeleton, mirror_joints
 from crowdsim.performer.solo import FOOTWORK, write_solo
+from crowdsim.performer.sticks import GRIPS
 from crowdsim.performer.truth import Truth, find_truth, mirror_truth
 
 CLIP_SECONDS = 30.0
@@ -64,6 +65,7 @@ def perform(
     progress: Progress | None = None,
     falls: int = 0,
     rests: int = 0,
+    stick: str | None = None,
 ) -> list[Performance]:
     """Perform a session of boxing: several clips, each from guard to guard.
 
@@ -75,9 +77,10 @@ def perform(
         progress: Called with ("perform", clips done, clips).
         falls: How often each kind of fall and stagger is performed, in clips of their own behind the others.
         rests: How often each kind of rest is performed, likewise.
+        stick: How a stick is held that the blows are struck with, a key of ``sticks.GRIPS``; none when None.
 
     Raises:
-        ValueError: A length or rate is not positive, or the stance is unknown.
+        ValueError: A length or rate is not positive, or the stance or the grip is unknown.
     """
     if not (seconds > 0.0 and fps > 0.0):
         raise ValueError(f"seconds {seconds} and fps {fps}; expected both above 0")
@@ -86,11 +89,11 @@ def perform(
     performances = []
     for index, (frames, sequence) in enumerate(zip(lengths, root.spawn(len(lengths)), strict=True)):
         write = partial(write_score, seconds=frames / fps, theme=THEMES[index % len(THEMES)])
-        performances.append(_perform(f"performer_{index:02d}", write, sequence, fps, stance))
+        performances.append(_perform(f"performer_{index:02d}", write, sequence, fps, stance, stick=stick))
         if progress is not None:
             progress("perform", index + 1, len(lengths))
-    performances += _perform_each((*FALLS, *STAGGERS), falls, _FALLS_STREAM, seed, fps, stance)
-    return performances + _perform_each(RESTS, rests, _RESTS_STREAM, seed, fps, stance)
+    performances += _perform_each((*FALLS, *STAGGERS), falls, _FALLS_STREAM, seed, fps, stance, stick)
+    return performances + _perform_each(RESTS, rests, _RESTS_STREAM, seed, fps, stance, stick)
 
 
 _FALLS_STREAM, _RESTS_STREAM = 1 << 20, 1 << 21
@@ -98,7 +101,7 @@ _FALLS_STREAM, _RESTS_STREAM = 1 << 20, 1 << 21
 
 
 def _perform_each(
-    kinds: Sequence[str], count: int, stream: int, seed: int, fps: float, stance: str
+    kinds: Sequence[str], count: int, stream: int, seed: int, fps: float, stance: str, stick: str | None
 ) -> list[Performance]:
     """Perform each of some kinds of falls, staggers or rests so many times."""
     performances = []
@@ -106,7 +109,9 @@ def _perform_each(
         for take in range(count):
             name = f"performer_fall_{kind}_{take:02d}" if kind in FALLS else f"performer_{kind}_{take:02d}"
             sequence = np.random.SeedSequence(seed, spawn_key=(stream, index, take))
-            performances.append(_perform(name, partial(_write_move, move=kind, amid=True), sequence, fps, stance))
+            performances.append(
+                _perform(name, partial(_write_move, move=kind, amid=True), sequence, fps, stance, stick=stick)
+            )
     return performances
 
 
@@ -119,22 +124,27 @@ def _write_move(plan: Choreographer, move: str, amid: bool) -> Score:
     return write_rest(plan, move, amid) if move in RESTS else write_solo(plan, move)
 
 
-def perform_solo(move: str, seed: int = 1, fps: float = 60.0, stance: str = "orthodox") -> Performance:
+def perform_solo(
+    move: str, seed: int = 1, fps: float = 60.0, stance: str = "orthodox", stick: str | None = None
+) -> Performance:
     """Perform one move alone, out of the guard and back, facing heading 0.
 
     Args:
-        move: A word of ``MOVES``.
+        move: A word of ``MOVES``, or one of the blows of the stick.
         seed: The same seed gives the same bytes.
         fps: Frames a second.
         stance: "orthodox" or "southpaw".
+        stick: How a stick is held, see ``perform``.
 
     Raises:
-        ValueError: The move or the stance is unknown.
+        ValueError: The move, the stance or the grip is unknown.
     """
-    if move not in MOVES:
-        raise ValueError(f"unknown move {move!r}; expected one of {', '.join(MOVES)}{nearest(move, MOVES)}")
+    grip = GRIPS.get(stick or "")
+    moves = MOVES if grip is None else (*grip.blows, *MOVES[len(PUNCHES) :])
+    if move not in moves:
+        raise ValueError(f"unknown move {move!r}; expected one of {', '.join(moves)}{nearest(move, moves)}")
     write = partial(_write_move, move=move, amid=False)
-    return _perform(move, write, np.random.SeedSequence(seed), fps, stance, facing=0.0)
+    return _perform(move, write, np.random.SeedSequence(seed), fps, stance, facing=0.0, stick=stick)
 
 
 def _perform(
@@ -144,11 +154,15 @@ def _perform(
     fps: float,
     stance: str,
     facing: float | None = None,
+    stick: str | None = None,
 ) -> Performance:
     if stance not in STANCES:
         raise ValueError(f"unknown stance {stance!r}; expected one of {', '.join(STANCES)}")
     plan, idle = (np.random.default_rng(child) for child in seeds.spawn(2))
-    score, skeleton = write(Choreographer(plan, facing)), build_skeleton()
+    if stick is not None and stick not in GRIPS:
+        raise ValueError(f"unknown grip {stick!r}; expected one of {', '.join(GRIPS)}")
+    grip = None if stick is None else GRIPS[stick]
+    score, skeleton = write(Choreographer(plan, facing, grip)), build_skeleton()
     times = np.arange(round(score.seconds * fps)) / fps
     played = play_score(score, skeleton, times, idle)
     clip = Clip(name, skeleton, fps, played.root_positions, played.rotations)

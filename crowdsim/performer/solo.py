@@ -66,9 +66,10 @@ FOOTWORK: dict[str, _Move] = {
 def write_solo(plan: Choreographer, move: str) -> Score:
     """Plan a short clip of one move alone: a punch, a defence, or a word of ``FOOTWORK``."""
     start = 0.5
-    if move in PUNCHES:
-        recipe = PUNCHES[move]
-        end = plan.punch(move, start, False, 0.0, 0.5 * sum(recipe.distance), recipe.speed[0], 1.45).end
+    if move in plan.punches:
+        recipe = plan.punches[move]
+        height = 1.45 if plan.punches is PUNCHES else 0.5 * sum(recipe.head)
+        end = plan.punch(move, start, False, 0.0, 0.5 * sum(recipe.distance), recipe.speed[0], height).end
     elif move in DEFENCES:
         end = plan.defend(move, start, depth=1.0)
     else:

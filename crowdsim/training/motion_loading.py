@@ -55,6 +55,7 @@ def load_motion(
             progress,
             performer.falls,
             performer.rests,
+            performer.stick,
         )
         clips = measure_clips([performance.clip for performance in performed])
     else:

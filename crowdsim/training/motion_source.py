@@ -53,6 +53,11 @@ class PerformerSource(StrictModel):
         le=1000,
         description="How often each way of standing at ease, and of walking off, is performed besides; 0: not at all.",
     )
+    stick: Literal["one_hand", "two_hands"] | None = Field(
+        default=None,
+        description="How the performer holds a stick, with which it strikes instead of boxing; null: it has none. "
+        "`strikes.props` says where that is: in the right hand of an orthodox one, with the point [-0.39, 0, 0.45].",
+    )
 
 
 class CaptureSource(StrictModel):

@@ -268,6 +268,16 @@ class Recipe(StrictModel):
     def _holds_props_in_one_hand(self) -> Recipe:
         if self.strikes.props and self.motion.mirror:
             raise Fault("is true, but strikes.props lie in one hand, expected false", "motion", "mirror")
+        performer = self.motion.performer
+        if performer is not None and performer.stick is not None:
+            from crowdsim.performer.sticks import stick_point
+
+            side = int(performer.stance == "orthodox")
+            hand, point = ("left", "right")[side], ", ".join(f"{value:.2g}" for value in stick_point(side))
+            if [prop.hand for prop in self.strikes.props] != [hand]:
+                what = f"is {performer.stick}, but strikes.props do not say where that is; "
+                what += f"expected there one prop, {{hand: {hand}, point: [{point}]}}"
+                raise Fault(what, "motion", "performer", "stick")
         return self
 
     @model_validator(mode="after")

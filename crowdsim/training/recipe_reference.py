@@ -13,8 +13,8 @@ Every key of a training recipe, from the schema that checks it. Lengths are metr
 without a default must be given. `crowdsim validate FILE` names everything that is wrong with a recipe, and
 `crowdsim train FILE` trains it. The shipped recipes are examples: `boxer.yaml` of the embedded boxer, `boxer_cmu.yaml`
 of capture, `boxer_defender.yaml` of a boxer that learns in fights to defend itself, `boxer_paper.yaml` of the paper's
-method. A file has at most 1 MiB of UTF-8, 100,000 values and 64 levels; names of clips cannot lead out of the folder
-of capture.
+method, `stick_fighter.yaml` of a performer with a stick. A file has at most 1 MiB of UTF-8, 100,000 values and 64
+levels; names of clips cannot lead out of the folder of capture.
 
 <!-- Written from the schema by crowdsim.training.recipe_reference; do not edit. -->
 """

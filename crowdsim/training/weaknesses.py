@@ -100,11 +100,12 @@ def _of_strikes(statistics: Mapping[str, Any]) -> Iterator[Weakness]:
             f"{1.0 - strikes['used_share']:.0%} of the strikes are not used, for want of transitions to them",
             f"raise graph.threshold ({statistics['graph']['threshold']:g} m), or add clips that lead to them",
         )
+    punches = sum(strikes["by_hand"].values())
     for hand, count in strikes["by_hand"].items():
-        if not count and not motion["mirrored"]:
+        if not count and punches and not motion["mirrored"]:
             yield Weakness(f"no strikes with the {hand} hand", "set motion.mirror to true, or add clips with some")
     for kind, count in strikes["by_kind"].items():
-        if count > ONE_KIND * motion["strikes"] and motion["strikes"] >= FEW_STRIKES:
+        if kind != "prop" and count > ONE_KIND * motion["strikes"] and motion["strikes"] >= FEW_STRIKES:
             yield Weakness(f"nearly all strikes are of one kind, {kind}", "add clips with others")
     to_the_head = strikes["by_height"]["head"] / motion["strikes"]
     if to_the_head < TO_THE_HEAD:

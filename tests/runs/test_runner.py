@@ -501,7 +501,7 @@ def crowd(count: int, radius: float = 5.0) -> dict:
         (
             {"types": {"boxer": {"policy": "tinny"}}},
             "four.yaml:7:13: types.boxer.policy: is 'tinny', no known policy, expected boxer, boxer_cmu, "
-            "boxer_crowd, boxer_defender, boxer_paper or tiny (did you mean 'tiny'?)",
+            "boxer_crowd, boxer_defender, boxer_paper, stick_fighter or tiny (did you mean 'tiny'?)",
         ),
     ],
 )  # fmt: skip

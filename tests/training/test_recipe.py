@@ -245,3 +245,40 @@ def test_the_command_prints_the_schema_of_recipes(capsys, monkeypatch):
     with contextlib.suppress(SystemExit):
         main()
     assert json.loads(capsys.readouterr().out) == json.loads(recipe_schema())
+
+
+@pytest.mark.parametrize(
+    ("strikes", "motion", "words"),
+    [
+        ("{limbs: [props]}", "", "strikes.limbs[0]: is asked for, but no hand holds one"),
+        ("{limbs: [hands, left_prop]}", "", "strikes.limbs[1]: is asked for, but no hand holds one"),
+        (
+            "{limbs: [hands], props: [{hand: right, point: [0, 0, 1]}]}", ", mirror: false",
+            "strikes.props[0]: strikes nothing; expected 'props' in strikes.limbs",
+        ),
+        (
+            "{limbs: [props], props: [{hand: right, point: [0, 0, 1]}, {hand: right, point: [0, 0, 1]}]}", "",
+            "strikes.props[1].hand: hold two for the right hand",
+        ),
+        (
+            "{limbs: [props], props: [{hand: right, point: [0, 0, 1]}]}", "",
+            "motion.mirror: is true, but strikes.props lie in one hand, expected false",
+        ),
+        (
+            "{limbs: [hands]}", ", stick: one_hand",
+            "motion.performer.stick: is one_hand, but strikes.props do not say where that is; expected there one prop, "
+            "{hand: right, point: [-0.39, 0, 0.45]}",
+        ),
+    ],
+)  # fmt: skip
+def test_props_of_recipes_that_do_not_fit_are_found(tmp_path, strikes, motion, words):
+    text = (Path(__file__).parents[1] / "tiny_policy.yaml").read_text(encoding="utf-8")
+    mirror = ", mirror: false" in motion
+    text = text.replace(
+        "seed: 2}", "seed: 2" + ("" if mirror else motion) + "}" + ("\n  mirror: false" if mirror else "")
+    )
+    path = tmp_path / "held.yaml"
+    path.write_text(text + f"strikes: {strikes}\n", encoding="utf-8")
+    with pytest.raises(RecipeError) as caught:
+        load_recipe(path)
+    assert words in str(caught.value)
