@@ -136,16 +136,17 @@ def _check_conditions(simulation: Changing, now: Mapping[str, Array], state: Map
         falls, standing = simulation.model.falls, fields["standing"]
         for name in ("standing", "standing_next"):
             _refuse(prefix + name, fields[name], np.isin(fields[name], np.arange(layout.OUT + 1)))
-        for name in ("mode", "does", "does_next"):
-            _refuse(prefix + name, fields[name], np.isin(fields[name], np.arange(layout.TRAVELS + 1)))
+        for name, last in (("mode", layout.TRAVELS), ("does", layout.NOTICES), ("does_next", layout.NOTICES)):
+            _refuse(prefix + name, fields[name], np.isin(fields[name], np.arange(last + 1)))
         _check_travels(simulation, fields)
         is_down = (standing >= layout.DROPS) & ~(standing == layout.UP)
         fall, lying = fields["fall"], (layout.FALLING, layout.LYING, layout.RISING)
         lies = np.isin(standing, lying) | np.isin(fields["standing_next"], lying)
         known = (fall == np.floor(fall)) & (fall >= 0) & (fall < max(len(falls), 1))
         _refuse(prefix + "fall", fall, known & (~lies | (len(falls) > 0)))
-        fell = fields["fell"]
-        _refuse(prefix + "fell", fell, (fell == np.floor(fell)) & (fell >= 0) & (fell <= len(falls)))
+        for name, most in (("fell", len(falls)), ("felled", len(team))):
+            values = fields[name]
+            _refuse(prefix + name, values, (values == np.floor(values)) & (values >= 0) & (values <= most))
         piece = fields["piece"]
         inside = (piece >= 0) & (piece <= len(simulation.model.rests)) & (piece == np.floor(piece))
         _refuse(prefix + "piece", piece, inside)

@@ -26,10 +26,11 @@ def knock_down(model, avatars, world, now, strikes, first, last, due, observed, 
         blow = _next_blow(strikes, first, last, number)
         if blow < 0:
             return last
-        number, hit = np.int64(strikes[blow].victim), strikes[blow].frame
+        number, hit, by = np.int64(strikes[blow].victim), strikes[blow].frame, strikes[blow].attacker
         own = avatars.slot_of[number]
         if avatars.conditions[number].standing != DROPS:
             continue
+        avatars.conditions[by].felled, avatars.conditions[by].felled_frame = number + 1.0, now.frame
         last = _take_back(avatars, strikes, first, last, number, hit)
         left = _leave(model, avatars, now.frame, own, hit)
         due[0] = own

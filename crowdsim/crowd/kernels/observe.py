@@ -9,6 +9,7 @@ from crowdsim.crowd.kernels.hidden import prefer_seen, way_to
 from crowdsim.crowd.kernels.intents import see_by_intent
 from crowdsim.crowd.kernels.interpolation import between
 from crowdsim.crowd.kernels.layout import AHEAD, FORESEEN, HEAD, Target
+from crowdsim.crowd.kernels.noticing import noticed, see_fallen
 from crowdsim.crowd.kernels.opponents import change_opponent
 from crowdsim.crowd.kernels.prefetch import prefetch, prefetch_avatar
 from crowdsim.crowd.kernels.travelling import see_way, travels
@@ -33,6 +34,11 @@ def observe(model, avatars, world, now, due, count, observed, scratch):
         is_open = True
         if walled:
             opponent, is_open = prefer_seen(avatars, world, now, own, opponent, observed, q)
+        fallen = -1
+        if avatars.conditions.shape[0] > 0:
+            fallen = noticed(avatars, now, own, opponent)
+            if fallen >= 0:
+                opponent, is_open = fallen, True
         avatars.fight[own].next_opponent = opponent
         seen = True
         if opponent <= -2:
@@ -50,6 +56,8 @@ def observe(model, avatars, world, now, due, count, observed, scratch):
                 avatars.fight[own].next_opponent, seen = -1, False
             elif travels(avatars, own):
                 opponent, target, seen = -1, see_way(model, avatars, world, now.frame, own, observed, q), True
+            elif fallen >= 0:
+                target = see_fallen(avatars, world, now, own, target)
             else:
                 other = opponent if seen else -1
                 target = see_by_intent(model, avatars, world, now, own, other, target, observed, q)

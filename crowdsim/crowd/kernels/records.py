@@ -84,14 +84,15 @@ CONDITION = np.dtype(
     _fields(
         _F8, "mode", "does", "does_next", "keeps", "standing", "standing_next", "fall", "downs", "rises", "health",
         "hurt", "hurt_frame", "stamina", "tempo", "aggression", "range", "stance", "piece",
-        "way_x", "way_z", "pace", "travel", "leg", "fell", "fell_frame",
+        "way_x", "way_z", "pace", "travel", "leg", "fell", "fell_frame", "felled",
+        "felled_frame",
     )
 )  # fmt: skip
 """How an avatar is in a fight.
 
     mode: What groups and events have set it to do about its opponent: ``FIGHTS``, ``WATCHES``, ``FLEES``, ``RESTS``
         or ``TRAVELS``.
-    does, does_next: What it does in its present action, and in its next one.
+    does, does_next: What it does in its present action, and in its next one; that may be ``NOTICES``, too.
     keeps: The distance that it keeps while it watches [m].
     standing, standing_next: ``UP`` to ``OUT``, now and from its next action on.
     fall: Its row of ``Model.falls``.
@@ -109,6 +110,7 @@ CONDITION = np.dtype(
     pace: How fast it travels, for a body of scale 1 [m in a control frame].
     fell, fell_frame: 1 more than the row of ``Model.falls`` of its last fall, 0 for none, and the frame in which that
         began.
+    felled, felled_frame: 1 more than the number of the avatar that it has knocked down last, 0 for none, and the frame.
     travel, leg: 1 more than the number of its path (``Crowd.travels``), else 0, and which point of that is next.
 """
 

@@ -1,6 +1,6 @@
 """Guard: what actions cost near an opponent in which hands hang that are up where strikes are thrown."""
 
-from crowdsim.crowd.kernels.layout import FIGHTS
+from crowdsim.crowd.kernels.layout import FIGHTS, NOTICES
 from crowdsim.jit import kernel
 
 DROPPED = 2.0  # what a second without guard costs, in normalised values
@@ -9,11 +9,13 @@ NEAR = 2.0  # distance of an opponent up to which an avatar keeps its guard [m]
 
 @kernel(inline=True)
 def keep_guard(model, avatars, world, now, own, observed, q, scratch):
-    """Lower the values of actions by how long hands hang in them and behind them, if an avatar fights near by."""
+    """Lower the values of actions by how long hands hang in them and behind them, if an avatar fights near by, or notices."""
     if avatars.fight[own].next_opponent < 0:
         return
-    if avatars.conditions.shape[0] > 0 and avatars.conditions[avatars.number[own]].does_next != FIGHTS:
-        return
+    if avatars.conditions.shape[0] > 0:
+        does = avatars.conditions[avatars.number[own]].does_next
+        if does not in (FIGHTS, NOTICES):
+            return
     x, z = scratch.situations[q].x, scratch.situations[q].z
     if x * x + z * z <= NEAR * NEAR:
         state = model.actions[avatars.motion[own].action].next
