@@ -39,7 +39,7 @@ class ExportedRun:
             went on from. Shape (n, 3) each.
         opponents: Opponent of each at each output frame, negative for no avatar. Shape (N, F).
         events: Strikes of the take by name: seconds, attacker, victim, limb (left hand, right hand, left foot, right
-            foot), landed, blocked.
+            foot), landed, blocked, speed [m/s].
     """
 
     sizes: Sizes
@@ -221,6 +221,7 @@ def read_run(run: Path, bundle: Path, clips: list[Path]) -> ExportedRun:
             "seconds": np.asarray(strikes["frame"][:]).astype(float) / control,
             "limb": np.asarray(strikes["limb" if "limb" in strikes else "hand"][:]).astype(int),
             "landed": events["landed"].astype(bool),
+            "speed": np.asarray(strikes["speed"][:]).astype(float),
             "blocked": np.asarray(strikes["outcome"][:]) == BLOCKED,
         },
     )

@@ -210,6 +210,7 @@ class CrowdingRules(NamedTuple):
     back: float
     unseen: float
     at_air: float
+    stunned: float
 
 
 class Streams(NamedTuple):

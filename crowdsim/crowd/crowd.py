@@ -46,9 +46,10 @@ class Crowding:
         turn: How far outside avatars go for the middle instead of their opponent [m].
         reach: How far neighbours are seen, as opponents too [m].
         most: How many neighbours count, the nearest ones.
-        back: What a metre is worth of a step back after a strong hit.
+        back: What a metre is worth that a hit pushes an avatar along; 0 where hits do not.
         unseen: What a strike costs at an opponent that looks away.
         wasted: What one costs that is drawn though it would end far from the opponent.
+        stunned: What a strike costs that an avatar would throw before it has recovered from a hit.
     """
 
     end: float = 16.0
@@ -59,19 +60,20 @@ class Crowding:
     turn: float = 0.25
     reach: float = 1.5
     most: int = 12
-    back: float = 1.2
+    back: float = 8.0
     unseen: float = 1.5
     wasted: float = 2.0
+    stunned: float = 4.0
 
     @classmethod
     def none(cls) -> Crowding:
         """Return rules without collision avoidance; neighbours still count as opponents, and the arena stays."""
-        return cls(end=0.0, path=0.0, back=0.0, unseen=0.0, wasted=0.0)
+        return cls(end=0.0, path=0.0, back=0.0, unseen=0.0, wasted=0.0, stunned=0.0)
 
     def numbers(self) -> Array:
-        """Return what kernels read. Shape (10,)."""
+        """Return what kernels read. Shape (11,)."""
         space = self.end, self.path, self.radius, self.gap, self.outside, self.turn, self.reach
-        return np.array([*space, self.back, self.unseen, self.wasted])
+        return np.array([*space, self.back, self.unseen, self.wasted, self.stunned])
 
 
 @dataclass(frozen=True)

@@ -285,6 +285,8 @@ def _rules(kind: AvatarType, opponents: Opponents | None, rate: float) -> list[f
 def _crowding(scenario: Scenario) -> Crowding:
     """Return how avatars avoid one another; where they wait for one another, or may lie about, they see further."""
     rules = Crowding() if scenario.collision_avoidance else Crowding.none()
+    if not scenario.reactions:
+        rules = replace(rules, back=0.0, stunned=0.0)
     if any(kind.damage is not None for kind in scenario.types.values()):
         rules = replace(rules, reach=2.2, most=16)
     opponents = [group.opponents for group in scenario.groups]

@@ -43,7 +43,7 @@ def leave_capsules(points: Array, bodies: PosedBodies, outline: Outline) -> Arra
         bodies: The bodies at one time.
         outline: What of them counts as hit.
     """
-    starts, axes, radii = _upper_capsules(bodies)
+    starts, axes, radii = upper_capsules(bodies)
     if not starts.shape[1]:
         return points
     squares, rows, found = np.maximum(np.sum(axes * axes, axis=-1), 1e-12), np.arange(len(points)), points
@@ -58,7 +58,7 @@ def leave_capsules(points: Array, bodies: PosedBodies, outline: Outline) -> Arra
     return found
 
 
-def _upper_capsules(bodies: PosedBodies) -> tuple[Array, Array, Array]:
+def upper_capsules(bodies: PosedBodies) -> tuple[Array, Array, Array]:
     """Return starts (n, K, 3), axes (n, K, 3) and radii (n, K, 2) of the capsules of trunks and heads [m]."""
     body, count = bodies.body, len(bodies.columns)
     limbs = [joint for role, joint in body.roles.items() if role.startswith(("left", "right"))]

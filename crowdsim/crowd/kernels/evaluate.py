@@ -11,6 +11,7 @@ from crowdsim.crowd.kernels.terms.rest import seek_rest
 from crowdsim.crowd.kernels.terms.stance import keep_stance
 from crowdsim.crowd.kernels.terms.stillness import favour_stillness
 from crowdsim.crowd.kernels.terms.strikes import weigh_strikes
+from crowdsim.crowd.kernels.terms.stunned import hold_strikes
 from crowdsim.crowd.kernels.terms.variety import avoid_repetition, prefetch_repetition
 from crowdsim.jit import kernel
 
@@ -28,6 +29,7 @@ def evaluate(model, avatars, world, now, due, count, observed, scratch):
         defend(model, avatars, world, now, own, observed, q, scratch)
         seek_rest(model, avatars, world, now, own, observed, q, scratch)
         weigh_strikes(model, avatars, world, now, own, observed, q, scratch)
+        hold_strikes(model, avatars, world, now, own, observed, q, scratch)
         favour_stillness(model, avatars, world, now, own, observed, q, scratch)
         face_opponent(model, avatars, world, now, own, observed, q, scratch)
         keep_guard(model, avatars, world, now, own, observed, q, scratch)

@@ -12,6 +12,9 @@ from crowdsim.crowd.kernels.prefetch import prefetch, prefetch_avatar
 from crowdsim.jit import kernel
 from crowdsim.places.kernels.distance import is_way_free
 
+FOOT = 2.0  # effective mass of a foot over that of a fist
+GUARDED = 1.0 / 3.0  # share of an impulse that gets through the arm that blocks it
+
 
 class Stretch(NamedTuple):
     """The motion of an avatar in one action within a control frame.
@@ -65,9 +68,10 @@ def resolve(model, avatars, world, frame, strikes, first, last):
 def note_hits(model, avatars, frame, strikes, first, last):
     """Let avatars note by whom they were hit in strikes ``first`` to ``last``, which are those of ``frame``.
 
-    An avatar that blocks a strike notes it like one that lands. A hit is as strong as its speed over ``Model.sizes``
-    says: 1 for a strong one. Of several hits in a frame the strongest counts, among equals that of the lower number, so
-    that their order does not matter.
+    An avatar that blocks a strike notes it like one that lands. A hit is as strong as its impulse, 1 for a strong
+    strike of the fist of a body of scale 1: its speed over ``Model.sizes``, times the limb's effective mass, which goes
+    with the cube of the scale. Of several hits in a frame the strongest counts, among equals that of the lower number,
+    so that their order does not matter.
     """
     fight = avatars.fight
     slot_of = avatars.slot_of
@@ -78,6 +82,9 @@ def note_hits(model, avatars, frame, strikes, first, last):
             continue
         i, j = slot_of[attacker], slot_of[victim]
         strength = strikes[k].speed / model.sizes[avatars.policy[i]].strong
+        strength *= FOOT if strikes[k].limb >= 2 else 1.0
+        strength *= GUARDED if outcome == BLOCKED else 1.0
+        strength *= avatars.playback[i].scale ** 3
         dx, dz = avatars.x[j] - avatars.x[i], avatars.z[j] - avatars.z[i]
         part = strength / max(np.sqrt(dx * dx + dz * dz), 1e-9)
         hit_x, hit_z = part * dx, part * dz

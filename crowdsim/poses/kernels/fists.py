@@ -27,6 +27,14 @@ _SLOWS = 0.1
 """How far before the arm that stops it a fist begins to be carried back [m]."""
 _AWAY = 2.0
 """How far targets go away from a shoulder, of what they are nearer than an arm's shortest reach."""
+_OUT = 2
+"""Capsules that a fist is brought out of, one after another: those of trunk and head meet."""
+MOTION = 0.08
+"""Time before and after a strike between which what it hits is taken to move evenly [s]."""
+_STAYS, _LEAVES = 0.06, 0.2
+"""How long before and after a strike its fist does not go beyond the surface that it touches, wholly and partly [s]."""
+_ROUND = 0.015
+"""Depth that is left of a great one, and over which less is left of it [m]."""
 LEAN = 0.34
 """How long before and after a strike the trunk leans for it [s]."""
 JOINTS = 4
@@ -46,6 +54,7 @@ class Landings(NamedTuple):
         spans: How long before and after it [s]. Shape (E, 2).
         goals: Where that brings the fist [m]. Shape (E, 3).
         stopped: Whether an arm of the victim stops it. Shape (E,), bool.
+        stops: What they do not go into, see ``stops.find_stops``. Shape (E, 3, K, 8) [m].
         rotations: Rotation vectors of the joints that lean then, see ``trunk_assist.Leans``. Shape (E, 4, 3).
         moves: How far the pelvis goes then [m]. Shape (E, 3).
     """
@@ -57,6 +66,7 @@ class Landings(NamedTuple):
     spans: NDArray[Any]
     goals: NDArray[Any]
     stopped: NDArray[Any]
+    stops: NDArray[Any]
     rotations: NDArray[Any]
     moves: NDArray[Any]
 
@@ -121,6 +131,53 @@ def _sum_shifts(landings, n, time, asked):
                 weight *= _share_of_stop(asked.targets[hand], landings.goals[strike], landings.shifts[strike])
             for k in range(3):
                 asked.shifts[hand, k] += weight * landings.shifts[strike, k]
+    for strike in range(landings.starts[n], landings.starts[n + 1]):
+        apart = time - landings.times[strike]
+        leaves = min(_LEAVES, landings.spans[strike, BEFORE] if apart < 0.0 else landings.spans[strike, AFTER])
+        if abs(apart) < leaves:
+            hand, stays = landings.hands[strike], min(_STAYS, 0.5 * leaves)
+            weight = minimum_jerk((leaves - abs(apart)) / (leaves - stays))
+            for _ in range(_OUT):
+                _stop_fist(asked.targets[hand], landings.stops[strike], apart / MOTION, weight, asked.shifts[hand])
+
+
+@kernel(allocates=False)
+def _stop_fist(fist, stops, moved, weight, shift):
+    """Add to the shift of a fist what brings it out of the capsule that it is deepest in, by a weight.
+
+    ``moved`` is how far the capsules have gone from where they are at the strike to where they are after it, negative
+    to where they are before it.
+    """
+    then = 2 if moved > 0.0 else 0
+    deepest, x, y, z, far = -math.inf, 0.0, 0.0, 0.0, 1.0
+    for stop in range(stops.shape[1]):
+        here, there = stops[1, stop], stops[then, stop]
+        along = square = 0.0
+        for k in range(3):
+            start = here[k] + abs(moved) * (there[k] - here[k])
+            axis = here[3 + k] + abs(moved) * (there[3 + k] - here[3 + k]) - start
+            along += (fist[k] + shift[k] - start) * axis
+            square += axis * axis
+        along = min(max(along / max(square, 1e-12), 0.0), 1.0)
+        out = _out_of(fist, shift, here, there, abs(moved), along, 0), _out_of(fist, shift, here, there, abs(moved),
+              along, 1), _out_of(fist, shift, here, there, abs(moved), along, 2)  # fmt: skip
+        distance = math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
+        depth = here[6] + along * (here[7] - here[6]) - distance
+        if depth > deepest:
+            deepest, far = depth, max(distance, 1e-6)
+            x, y, z = out
+    if deepest > 0.0:
+        go = weight * deepest * deepest / (deepest + _ROUND) / far
+        shift[0] += go * x
+        shift[1] += go * y
+        shift[2] += go * z
+
+
+@kernel(inline=True)
+def _out_of(fist, shift, here, there, moved, along, k):
+    """Return one coordinate of the way to a fist from a point of a capsule that has moved."""
+    start, end = here[k] + moved * (there[k] - here[k]), here[3 + k] + moved * (there[3 + k] - here[3 + k])
+    return fist[k] + shift[k] - start - along * (end - start)
 
 
 @kernel(allocates=False)
@@ -153,13 +210,23 @@ def _lean_at(landings, n, time, within, lean):
 
 
 @kernel(allocates=False)
-def _move_pelvis(legs, sizes, root, pose, world, asked):
-    """Move the root as the trunk leans, over feet that stay where they are."""
+def move_over_feet(legs, sizes, root, pose, world, move, ankles):
+    """Move the root over feet that stay where they are.
+
+    Args:
+        legs: A ``motion.Limbs``.
+        sizes: Sizes of bones, see ``Rows``. Shape (3,).
+        root: Changed [m]. Shape (3,).
+        pose: Rotations of joints, changed. Shape (J, 4).
+        world: Scratch space, a ``World``.
+        move: How far [m]. Shape (3,).
+        ankles: Scratch space. Shape (2, 3).
+    """
     pose_chain(legs, sizes, root, pose, world)
-    positions, move = world.positions, asked.lean[PELVIS]
+    positions = world.positions
     for foot in range(2):
         for k in range(3):
-            asked.ankles[foot, k] = positions[legs.joints[foot, LOWER], k]
+            ankles[foot, k] = positions[legs.joints[foot, LOWER], k]
     for j in range(legs.parents.shape[0]):
         for k in range(3):
             positions[j, k] += move[k]
@@ -169,7 +236,7 @@ def _move_pelvis(legs, sizes, root, pose, world, asked):
         p = positions[legs.joints[foot, UPPER]]
         q, r = positions[legs.joints[foot, MIDDLE]], positions[legs.joints[foot, LOWER]]
         longest = reach_of(distance_between(p, q), distance_between(q, r), KNEE_LEAST)
-        target = asked.ankles[foot, 0], asked.ankles[foot, 1], asked.ankles[foot, 2]
+        target = ankles[foot, 0], ankles[foot, 1], ankles[foot, 2]
         wanted = distance_between(p, target)
         distance = wanted - excess(distance_between(p, r), wanted, longest, 0.002 * longest)
         bend_limb(legs, foot, pose, world, target, distance)
@@ -245,7 +312,7 @@ def _lean_pose(legs, leaning, sizes, root, pose, world, asked):
     """Lean the trunk of one pose."""
     lean = asked.lean
     if lean[PELVIS, 0] != 0.0 or lean[PELVIS, 1] != 0.0 or lean[PELVIS, 2] != 0.0:
-        _move_pelvis(legs, sizes, root, pose, world, asked)
+        move_over_feet(legs, sizes, root, pose, world, lean[PELVIS], asked.ankles)
     for k in range(JOINTS):
         if leaning[k] >= 0:
             rotate_by_vector(pose[leaning[k]], lean[k, 0], lean[k, 1], lean[k, 2])

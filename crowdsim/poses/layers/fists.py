@@ -12,10 +12,11 @@ from crowdsim.crowd.record import TakeData
 from crowdsim.motion.strikes import HANDS
 from crowdsim.poses.contacts import PoseAt, body_points, find_surfaces, strikes_near, within
 from crowdsim.poses.hits import TOGETHER, Landed, by_column
-from crowdsim.poses.kernels.fists import ELBOW_LEAST, JOINTS, LEAN, Landings, carry_fists
+from crowdsim.poses.kernels.fists import ELBOW_LEAST, JOINTS, LEAN, MOTION, Landings, carry_fists
 from crowdsim.poses.kernels.records import Posed
 from crowdsim.poses.layer import Layer, Part
 from crowdsim.poses.motion import PoseMotion
+from crowdsim.poses.stops import find_stops
 from crowdsim.poses.trunk_assist import leaning_joints, plan_leans
 
 MOST = 0.35
@@ -28,7 +29,7 @@ class Fists(Layer):
     name = "fists"
     size = 0.4
     needs = ("reactions", "fists")
-    looks = LEAN + TOGETHER, LEAN + TOGETHER
+    looks = LEAN + TOGETHER + MOTION, LEAN + TOGETHER + MOTION
     hops = 2
 
     def plan(self, part: Part) -> Landings:
@@ -77,10 +78,13 @@ def plan_landings(
         rows, hands = np.arange(len(which)), near.hands[which]
         fists[which] = body_points(body, positions, rotations, scales)[3][rows, hands]
         shoulders[which] = positions[rows, arms.joints[hands, 0]]
-    shifts = find_surfaces(take, near, fists, shoulders, struck_at, motion.target, shown) - fists
+    touched = find_surfaces(take, near, fists, shoulders, struck_at, motion.target, shown)
+    shifts = touched - fists
     length = np.linalg.norm(shifts, axis=-1, keepdims=True)
     shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))
     shifts = np.where(np.isfinite(shifts), shifts, 0.0)
+    stopped = ~near.blocked & (~near.missed | (shifts != 0.0).any(axis=1)) & shown
+    stops = find_stops(take, near, touched, stopped, pose_at)
     leans, moves = np.zeros((len(near.times), JOINTS, 3)), np.zeros((len(near.times), 3))
     for which, _, _, positions, rotations in posed:
         leans[which], moves[which] = plan_leans(
@@ -97,7 +101,17 @@ def plan_landings(
         # Absent avatars have no positions.
         values[~np.isfinite(values)] = 0.0
     _lean_alike(near.attackers[order], near.hands[order], near.times[order], order, leans, moves)
-    result = (near.times, near.hands, shifts, near.spans, fists + shifts, near.blocked, leans, moves)
+    result = (
+        near.times,
+        near.hands,
+        shifts,
+        near.spans,
+        fists + shifts,
+        near.blocked,
+        stops,
+        leans,
+        moves,
+    )
     return Landings(starts, *(values[order] for values in result))
 
 

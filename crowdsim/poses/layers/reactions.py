@@ -1,17 +1,21 @@
-"""Hits show: a landed strike throws head and trunk back along the blow, and they spring back, over the motion.
+"""Hits show: a blow to the head throws it back, one to the body folds the trunk, both push the pelvis.
 
-A strike that is blocked pushes them a third as far.
+How far goes with the blow's impulse; a blow besides turns head or trunk aside that comes from beside their middle. All
+spring back, over the motion. A strike that is blocked moves them a third as far, and the arm that stops it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
+from crowdsim.crowd.cast import Cast
+from crowdsim.crowd.kernels.resolve import GUARDED
 from crowdsim.motion.strikers import LEGS
 from crowdsim.poses.contacts import PoseAt, body_points
 from crowdsim.poses.down_state import falls_soon
@@ -23,14 +27,24 @@ from crowdsim.poses.layer import Layer, Part, Scheduler
 from crowdsim.poses.limbs import chain_of
 from crowdsim.poses.motion import PoseMotion
 
-_TYPICAL_SPEED, _STRONGEST = 8.0, 1.6
+_TYPICAL_SPEED, _FOOT = 6.2, 2.0
+"""Speed of a typical strike [m/s], and the effective mass of a foot over that of a fist."""
+_EVEN, _STEEP, _MOST = (0.02, 0.055), (0.14, 0.1), (0.42, 0.34)
+"""How far a typical blow brings the head, or the neck of one to the torso: whatever its impulse, by the cube of that,
+and at the most, in a body of scale 1 [m]."""
+_PUSH, _FURTHEST = 0.035, 0.1
+"""How far a typical blow pushes the pelvis, by the square of its impulse, and at the most [m]."""
+_GUARD, _GUARD_GIVES = 0.06, 0.1
+"""How far a typical blow pushes the hand of an arm that stops it, by its impulse, and at the most [m]."""
+_TWIST, _JAW, _LEVER = 0.35, 1.5, 0.1
+"""How far a blow turns a head or trunk about the vertical, for what it does about the level, that hits it beside its
+middle; how much more on the jaw; and how far beside it does so to the full [m]."""
 _SWING, _KICK = 0.05, 0.1
 """Time over which the direction of a fist, and of a foot, is measured [s]."""
-_NEAR_HEAD = 0.12
-_BLOCKED = 1.0 / 3.0
-"""Share of a blow that gets through the arm that blocks it."""
-_GIVES = {"spine": (0.13, 0.19), "chest": (0.11, 0.1), "neck": (0.02, 0.0), "head": (0.0, 0.0)}
-"""Joints that yield, and by how much in a strike of typical speed to the head and to the torso [rad]."""
+_GIVES = {"spine": (0.13, 0.25), "chest": (0.11, 0.2), "neck": (0.05, -0.1), "head": (0.02, 0.0)}
+"""Joints that yield, and by how much in a blow to the head and to the torso [rad]."""
+_LIMITS = {"spine": 0.5, "chest": 0.4, "neck": 0.4, "head": 0.3}
+"""How far blows turn them at the most [rad]."""
 
 _LATE = 0.35
 """How far back blows count further away [s]."""
@@ -41,18 +55,21 @@ def build_trunk(motion: PoseMotion) -> Trunk:
     """Return the joints of a body that yield to strikes."""
     body, skeleton = motion.body, motion.skeleton
     chain = chain_of(skeleton, [body.roles["head"]])
-    gives, gains = np.zeros((len(chain), 2)), np.zeros(2)
+    gives, limits, gains = np.zeros((len(chain), 2)), np.ones(len(chain)), np.zeros(2)
     ends = [*np.asarray(skeleton.offsets, dtype=float)[chain[1:]], np.asarray(body.head_offset, dtype=float)]
     for role, give in _GIVES.items():
         # A joint with two roles yields for both.
         gives[chain == body.roles[role]] += give
+        limits[chain == body.roles[role]] = _LIMITS[role]
+    neck = int(np.flatnonzero(chain == body.roles["neck"])[0])
     for at in range(len(chain)):
-        gains += gives[at] * np.linalg.norm(np.sum(ends[at:], axis=0))
-    return Trunk(np.asarray(skeleton.parents, dtype=np.int64), chain, gives, gains)
+        for part, stop in ((HEAD, len(chain)), (TORSO, neck)):
+            gains[part] += gives[at, part] * np.linalg.norm(np.sum(ends[at:stop], axis=0))
+    return Trunk(np.asarray(skeleton.parents, dtype=np.int64), chain, gives, limits, gains)
 
 
 class Reactions(Layer):
-    """Blows throw head and trunk back."""
+    """Blows throw heads back, fold trunks and push pelvises."""
 
     name = "reactions"
     size = 0.6
@@ -83,8 +100,10 @@ class Reactions(Layer):
         """Add the reactions."""
         blows, trunk, recent = part.plans[self.name], self._trunks[part.policy], _LATE if part.hops > 1 else LENGTH
         if blows is not None:
-            share(len(part.moments.columns), show_reactions, part.moments, blows, trunk, recent, poses,
-                  threads=part.window.threads)  # fmt: skip
+            window = part.window
+            arms, legs = window.motion.arms, window.motion.legs
+            share(len(part.moments.columns), show_reactions, part.moments, blows, trunk, arms, legs,
+                  window.rows.sizes, recent, poses, threads=window.threads)  # fmt: skip
 
     def _known(self) -> BlowPlanner:
         """What is known of the strikes that land."""
@@ -92,8 +111,47 @@ class Reactions(Layer):
         if self._planner is None or self._planner.landed is not poser.landed:
             falls = partial(falls_soon, poser.take, poser.motions)
             pose_at = partial(poser.joints, through=self.needs[0], hops=1)
-            self._planner = BlowPlanner(poser.landed, pose_at, self._trunks, poser.take.cast.policies, falls)
+            self._planner = BlowPlanner(poser.landed, pose_at, self._trunks, poser.take.cast, falls)
         return self._planner
+
+
+class TrunksAt(NamedTuple):
+    """Heads and trunks at a time; n bodies, NaN while absent.
+
+    Attributes:
+        heads: Shape (n, 3) [m].
+        necks: Shape (n, 3) [m].
+        pelvises: Shape (n, 3) [m].
+        sizes: Sizes of the bodies. Shape (n,).
+        radii: Radius of the head and of the torso. Shape (2, n) [m].
+    """
+
+    heads: Array
+    necks: Array
+    pelvises: Array
+    sizes: Array
+    radii: Array
+
+    def parts(self, points: Array) -> Array:
+        """Return which part's surface is nearer to points (n, 3) [m]: ``HEAD`` or ``TORSO``. Shape (n,)."""
+        head, torso = (np.linalg.norm(points - self._nearest(points, part), axis=1) for part in (HEAD, TORSO))
+        return np.where(head - self.radii[HEAD] < torso - self.radii[TORSO], HEAD, TORSO)
+
+    def middles(self, parts: Array) -> Array:
+        """Return the middle of heads, or of trunks, by ``parts`` (n,). Shape (n, 3) [m]."""
+        return np.where((parts == HEAD)[:, None], self.heads, 0.5 * (self.necks + self.pelvises))
+
+    def tops(self, parts: Array) -> Array:
+        """Return what a blow brings along by ``parts`` (n,): heads, or necks as seen from the pelvis. (n, 3) [m]."""
+        return np.where((parts == HEAD)[:, None], self.heads, self.necks - self.pelvises)
+
+    def _nearest(self, points: Array, part: int) -> Array:
+        """Return the points of the axis of a part that are nearest to points (n, 3)."""
+        if part == HEAD:
+            return self.heads
+        axis = self.pelvises - self.necks
+        share = np.sum((points - self.necks) * axis, axis=1) / np.maximum(np.sum(axis * axis, axis=1), 1e-12)
+        return self.necks + np.clip(share, 0.0, 1.0)[:, None] * axis
 
 
 class BlowPlanner:
@@ -103,17 +161,17 @@ class BlowPlanner:
         landed: The take's landed and blocked strikes.
         pose_at: Returns the joints of avatars with blends and separation alone.
         trunks: The joints that yield, policy by policy.
-        policies: Policy of each avatar. Shape (N,).
+        cast: The avatars.
         falls: Returns which avatars (E,) are down at times (E,) [s], or will be at once: blows do not show on them.
     """
 
-    def __init__(
-        self, landed: Landed, pose_at: PoseAt, trunks: Sequence[Trunk], policies: Array, falls: FallsAt
-    ) -> None:
-        self.landed, self._pose_at, self._trunks, self._policies = landed, pose_at, trunks, policies
+    def __init__(self, landed: Landed, pose_at: PoseAt, trunks: Sequence[Trunk], cast: Cast, falls: FallsAt) -> None:
+        self.landed, self._pose_at, self._trunks, self._cast = landed, pose_at, trunks, cast
         count = len(landed.times)
         self._known, self._shows = np.zeros(count, bool), (landed.victims >= 0) & ~landed.again & ~landed.missed
-        self._axes, self._parts = np.zeros((count, 3)), np.zeros(count, np.int64)
+        self._axes, self._pushes = np.zeros((count, 3)), np.zeros((count, 3))
+        self._gloves = np.zeros((count, 2, 3))
+        self._parts = np.zeros(count, np.int64)
         self._gains, self._own = np.zeros(count), np.zeros(count)
         self._falls = falls
 
@@ -134,7 +192,7 @@ class BlowPlanner:
         times = self.landed.times[near]
         order, starts = by_column(columns[self.landed.victims[near]], count, times)
         near, times = near[order], times[order]
-        blows = Blows(starts, times, self._axes[near], self._parts[near])
+        blows = Blows(starts, times, self._axes[near], self._parts[near], self._pushes[near], self._gloves[near])
         return blows._replace(axes=strengthen(blows, self._gains[near], self._own[near]))
 
     def _find(self, fresh: Array) -> None:
@@ -144,33 +202,55 @@ class BlowPlanner:
         near = self.landed.of(fresh)
         self._shows[fresh] = ~self._falls(near.victims, near.times)
         swings = np.where(np.isin(near.limbs, LEGS), _KICK, _SWING)
-        heads, sizes, radii = self._heads(near.victims, near.times)
-        moved = np.nan_to_num(self._heads(near.victims, near.times + RISE)[0] - heads)[:, ::2]
+        hit, later = (self._trunks_at(near.victims, near.times + after) for after in (0.0, RISE))
         now, places = self._strikers(near.attackers, near.times, near.limbs)
         before, _ = self._strikers(near.attackers, near.times - swings, near.limbs)
         # A fist pushes along its way, and away from who strikes: a hook does both.
-        fists, apart = (_unit(np.nan_to_num(way)[:, ::2]) for way in (now - before, heads - places))
+        fists, apart = (_unit(np.nan_to_num(way)[:, ::2]) for way in (now - before, hit.heads - places))
         ways = _unit(2.0 * fists + apart)
-        strengths = np.minimum(near.speeds / _TYPICAL_SPEED, _STRONGEST) * np.where(near.blocked, _BLOCKED, 1.0)
-        # Up cross direction: rotation about it tips upright vectors in the direction.
-        self._axes[fresh] = np.stack([ways[:, 1], np.zeros(len(ways)), -ways[:, 0]], axis=1) * strengths[:, None]
-        self._parts[fresh] = parts = np.where(np.linalg.norm(near.points - heads, axis=1) < radii, HEAD, TORSO)
+        parts = hit.parts(near.points)
         gains = np.array([trunk.gains for trunk in self._trunks])
-        # Blows without a gain are not strengthened: what an arm stops need not be seen in the head.
-        self._gains[fresh] = np.where(near.blocked, 0.0, gains[self._policies[near.victims], parts] * sizes)
-        self._own[fresh] = np.min([np.sum(moved * way, axis=1) for way in (ways, fists, apart)], axis=0)
+        gains = gains[np.asarray(self._cast.policies)[near.victims], parts] * hit.sizes
+        impulses = near.speeds / _TYPICAL_SPEED * np.asarray(self._cast.scales, dtype=float)[near.attackers] ** 3
+        impulses *= np.where(np.isin(near.limbs, LEGS), _FOOT, 1.0) * np.where(near.blocked, GUARDED, 1.0)
+        reaches = np.minimum(np.take(_EVEN, parts) + np.take(_STEEP, parts) * impulses**3, np.take(_MOST, parts))
+        reaches *= hit.sizes * np.where(near.blocked, GUARDED, 1.0)
+        # Up cross direction: rotation about it tips upright vectors in the direction. Trunks fold over what hits them.
+        over = np.where(parts == HEAD, 1.0, -1.0)
+        aside = np.nan_to_num(near.points - hit.middles(parts))
+        twists = _TWIST * np.clip((aside[:, 2] * ways[:, 0] - aside[:, 0] * ways[:, 1]) / _LEVER, -1.0, 1.0)
+        twists *= np.where((parts == HEAD) & (aside[:, 1] < 0.0), _JAW, 1.0)
+        axes = np.stack([over * ways[:, 1], twists, -over * ways[:, 0]], axis=1)
+        self._axes[fresh] = axes * (reaches / np.maximum(gains, 1e-9))[:, None]
+        self._parts[fresh] = parts
+        pushes = np.minimum(_PUSH * impulses**2, _FURTHEST) * hit.sizes
+        self._pushes[fresh] = np.stack([ways[:, 0], np.zeros(len(ways)), ways[:, 1]], axis=1) * pushes[:, None]
+        stops = near.blocked[:, None] & (np.arange(2) == self._nearest_hands(near)[:, None])
+        gives = np.minimum(_GUARD * impulses / GUARDED, _GUARD_GIVES) * hit.sizes
+        along = np.stack([ways[:, 0], np.zeros(len(ways)), ways[:, 1]], axis=1) * gives[:, None]
+        self._gloves[fresh] = np.where(stops[..., None], along[:, None], 0.0)
+        # What an arm stops need not be seen in head or trunk: blows without a gain stay as they are.
+        self._gains[fresh] = np.where(near.blocked, 0.0, gains)
+        moved = np.nan_to_num(later.tops(parts) - hit.tops(parts))[:, ::2]
+        self._own[fresh] = np.min([over * np.sum(moved * way, axis=1) for way in (ways, fists, apart)], axis=0)
         self._known[fresh] = True
 
-    def _heads(self, avatars: Array, times: Array) -> tuple[Array, Array, Array]:
-        """Return heads of avatars (E,) at times (E,), sizes of bodies, and how near a head a blow hits it.
-
-        Positions are NaN while absent. Shapes (E, 3), (E,) and (E,) [m].
-        """
-        heads, sizes, radii = np.full((len(times), 3), np.nan), np.ones(len(times)), np.zeros(len(times))
+    def _trunks_at(self, avatars: Array, times: Array) -> TrunksAt:
+        """Return the heads and trunks of avatars (E,) at times (E,)."""
+        points, sizes, radii = np.full((3, len(times), 3), np.nan), np.ones(len(times)), np.zeros((2, len(times)))
         for which, body, scales, positions, rotations in self._pose_at(avatars, times):
-            heads[which] = body_points(body, positions, rotations, scales)[0]
-            sizes[which], radii[which] = scales, (body.head_radius + _NEAR_HEAD) * scales
-        return heads, sizes, radii
+            points[:, which] = body_points(body, positions, rotations, scales)[:3]
+            sizes[which], radii[HEAD, which] = scales, body.head_radius * scales
+            radii[TORSO, which] = body.torso_radius * scales
+        return TrunksAt(*points, sizes, radii)
+
+    def _nearest_hands(self, near: Landed) -> Array:
+        """Return the hand of each victim that is nearest to the strike, 0 left, 1 right. Shape (E,)."""
+        found = np.zeros(len(near.times), np.int64)
+        for which, body, scales, positions, rotations in self._pose_at(near.victims, near.times):
+            hands = body_points(body, positions, rotations, scales)[3][:, :2]
+            found[which] = np.argmin(np.linalg.norm(hands - near.points[which, None], axis=-1), axis=1)
+        return found
 
     def _strikers(self, avatars: Array, times: Array, limbs: Array) -> tuple[Array, Array]:
         """Return fists or feet of avatars (E,) at times (E,), and their pelvises [m]. Both of shape (E, 3)."""

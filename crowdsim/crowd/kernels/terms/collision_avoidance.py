@@ -1,6 +1,6 @@
 """Collision avoidance: what actions cost that end, or pass, inside a neighbour, an obstacle or outside the arena.
 
-And what actions are worth more that step back after a strong hit.
+And what actions are worth more that lead where a hit pushes the avatar.
 """
 
 import math
@@ -31,7 +31,8 @@ BYSTANDERS = 0.66  # how much of the gap and of the cost counts for those whom a
 BEFORE = 0.42  # how far from obstacles actions should end, for a scale of 1 [m]
 STRIKES = 1.2  # how far strikes reach at most, for a scale of 1 [m]
 THROUGH, AGAINST = 60.0, 8.0  # what a metre costs that is beyond that, and a strike that ends in an obstacle
-STAGGER, STEP = 8, 0.3  # for how long a strong hit counts [control frames], and how long a step back should be [m]
+PUSHED, STEP = 15, 0.3  # for how long a hit pushes [control frames], and how far a strong one does [m]
+LIGHT, FURTHEST = 0.5, 0.6  # strength from which on a hit pushes, and how far it does at the most [m]
 
 
 class Ends(NamedTuple):
@@ -58,21 +59,18 @@ class Ends(NamedTuple):
 
 @kernel(inline=True)
 def avoid_collisions(model, avatars, world, now, own, observed, q, scratch):
-    """Lower the values of actions that end, or pass, inside others, obstacles or no arena; or do not step back."""
+    """Lower the values of actions that end, or pass, inside others, obstacles or no arena; or withstand a push."""
     state = model.actions[avatars.motion[own].action].next
     furthest = model.reaches[state] * avatars.playback[own].scale + 1e-6  # moves are single numbers
     close = 0
     if world.crowding.end_cost > 0.0 or world.crowding.path_cost > 0.0:
         close = _list_close(model, avatars, world.crowding, own, observed, q, furthest, scratch.near)
     leaves = may_leave(world.arena, avatars.x[own], avatars.z[own], furthest) and not travels(avatars, own)
-    staggers = (
-        now.frame - avatars.fight[own].hit_frame <= STAGGER
-        and avatars.fight[own].hit_x ** 2 + avatars.fight[own].hit_z ** 2 >= 1.0
-    )
+    pushed = world.crowding.back > 0.0 and push_left(avatars, now.frame, own) > 0.0
     walled = world.places.parts.shape[0] > 0 and may_be_near(
         world.places, avatars.x[own], avatars.z[own], furthest + BEFORE * avatars.playback[own].scale
     )
-    if close == 0 and not leaves and not staggers and not walled:
+    if close == 0 and not leaves and not pushed and not walled:
         return
     ends = _find_ends(model, avatars, own, scratch.work)
     for m in range(np.uint64(close)):
@@ -86,8 +84,8 @@ def avoid_collisions(model, avatars, world, now, own, observed, q, scratch):
             ends.cost[k] += cost * outside(world.arena, x + ends.x[k], z + ends.z[k])
     if walled:
         _add_obstacles(model, avatars, world.places, now.frame, own, furthest, ends)
-    if staggers:
-        _step_back(avatars, world.crowding.back, own, ends)
+    if pushed:
+        _give_way(avatars, world.crowding.back, now.frame, own, ends)
     for k in range(ends.lanes):
         scratch.values[q, k] -= ends.cost[k]
 
@@ -282,11 +280,21 @@ def _share_of(near, m, x, z):
 
 
 @kernel(inline=True)
-def _step_back(avatars, back, own, ends):
-    """Lower the cost of actions that lead away from the last hit."""
+def push_left(avatars, frame, own):
+    """Return how far the last hit still pushes an avatar [m]: by the square of its strength, less as time passes."""
+    fight = avatars.fight[own]
+    since, square = frame - fight.hit_frame, fight.hit_x * fight.hit_x + fight.hit_z * fight.hit_z
+    if since > PUSHED or square < LIGHT * LIGHT:
+        return 0.0
+    return min(STEP * square, FURTHEST) * (1.0 - since / (PUSHED + 1.0))
+
+
+@kernel(inline=True)
+def _give_way(avatars, back, frame, own, ends):
+    """Lower the cost of actions that lead as far as the last hit pushes, along its way."""
     x, z = avatars.fight[own].hit_x, avatars.fight[own].hit_z
     strength = math.sqrt(x * x + z * z)
-    x, z = back * x / strength, back * z / strength
+    x, z, far = back * x / strength, back * z / strength, back * push_left(avatars, frame, own)
     for k in range(ends.lanes):
         along = ends.x[k] * x + ends.z[k] * z
-        ends.cost[k] -= min(along, 2.0 * back * STEP - along)
+        ends.cost[k] -= min(along, 2.0 * far - along)
