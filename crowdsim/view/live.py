@@ -20,6 +20,7 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.chunk import Frame
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.events import VARIABLES, Events
+from crowdsim.crowd.explaining import Decision
 from crowdsim.crowd.record import TakeData
 from crowdsim.motion import quaternion
 from crowdsim.poses.layer import Layer, Scheduler
@@ -76,6 +77,9 @@ class Played(Protocol):
 
     def tunings(self) -> dict[str, dict[str, Any]]:
         """Return what can be tuned of each type, and its values now."""
+
+    def explain(self) -> list[Decision]:
+        """Return the decisions of the next control frame."""
 
     def health(self) -> tuple[Array, Array]:
         """Return the health of each avatar now, and at the start. Shape (N,) each."""

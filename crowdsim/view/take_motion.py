@@ -143,6 +143,7 @@ class TakeMotion:
             "rate": take.control_rate,
             "seed": take.seed,
             "names": cast.names[numbers].tolist(),
+            "numbers": numbers.tolist(),
             "teams": list(cast.team_names),
             "team_colours": [
                 [round(255 * value) for value in colours.get(team, (0.5, 0.5, 0.5))]

@@ -289,6 +289,21 @@ def test_a_served_page_shows_itself_and_asks_its_server_alone(browser, run) -> N
     assert browser.evaluate("document.getElementById('message').textContent").startswith("The connection is lost")
 
 
+def test_a_page_with_reasons_shows_why_an_avatar_does_what_it_does(browser, run) -> None:
+    page = run.parent / "reasons.html"
+    assert crowdsim("view", run, "--html", page, "--why", "red_1", "-q") == 0
+    browser.shown(page)
+    browser.evaluate("crowdsimPlayer.play(false); crowdsimPlayer.seek(2); crowdsimPlayer.select(0)")
+    browser.settle()
+    assert browser.evaluate("document.getElementById('reasons').hidden")
+    browser.evaluate("crowdsimPlayer.select(1); document.getElementById('why').open = true")
+    browser.wait("!!document.querySelector('#why-text .taken')")
+    opened = library.open_run(run)
+    action = int(opened.action[30, 1])
+    assert browser.evaluate("document.querySelector('#why-text .taken').title").startswith(f"action {action},")
+    assert browser.console == []
+
+
 def test_a_report_shows_its_player(browser, run) -> None:
     assert crowdsim("report", run, "-q") == 0
     browser.open(run / "report.html")
