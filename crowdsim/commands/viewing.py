@@ -9,17 +9,19 @@ import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from crowdsim.commands.common import Force, Frames, Threads, fps_option, note, say, size_text
+from crowdsim.commands.common import Force, Frames, Threads, detail, fps_option, note, say, size_text
 from crowdsim.commands.process import opened_run
 from crowdsim.commands.progress import Bars
 from crowdsim.core.workers import CORES
 from crowdsim.errors import CrowdsimError
 
 if TYPE_CHECKING:
+    from crowdsim.runs.reasons import Repeated
+    from crowdsim.runs.recorded import RecordedRun
     from crowdsim.view.recording import Recording
     from crowdsim.view.server import Server
 
@@ -42,6 +44,10 @@ def view(
         str | None, typer.Option(metavar="ADDRESS", help="Address to listen at; 127.0.0.1, this machine, by default.")
     ] = None,
     no_open: Annotated[bool, typer.Option("--no-open", help="Do not open the browser.")] = False,
+    why: Annotated[
+        str | None,
+        typer.Option(metavar="AVATARS", help="With --html: why these avatars do what they do; the run is repeated."),
+    ] = None,
     threads: Threads = CORES,
     force: Force = False,
 ) -> None:
@@ -54,30 +60,36 @@ def view(
         raise CrowdsimError(f"{which} has no effect on --html, expected one of them")
     if html is None and force:
         raise CrowdsimError("--force has no effect without --html")
-    with _recording(thing, avatars, frames, fps, threads) as recording:
+    if html is None and why is not None:
+        raise CrowdsimError("--why has no effect without --html: the server finds out why when it is asked")
+    with _recording(thing, avatars, frames, fps, threads) as (recording, run):
         if html is not None:
             from crowdsim.view.page import write_page
 
             with Bars() as bars, watch_compilation(bars.note, ["pictures"], threads):
-                size = write_page(html, recording, force, threads, bars)
+                reasons = None if why is None else _reasons(run, recording, avatars, why, threads)
+                size = write_page(html, recording, force, threads, bars, reasons)
             say(f"{html}: {size_text(size)}")
         else:
             from crowdsim.view.server import LOOPBACK, open_server
 
-            serve(open_server(recording, host or LOOPBACK, port or 0), host, not no_open)
+            repeated = None if run is None else _repeated(run, threads)
+            server = open_server(recording, host or LOOPBACK, port or 0, repeated)
+            serve(server, host, not no_open)
 
 
 @contextmanager
 def _recording(
     thing: Path, avatars: str | None, frames: str | None, fps: float | None, threads: int
-) -> Iterator[Recording]:
+) -> Iterator[tuple[Recording, RecordedRun | None]]:
+    """Yield what is played, and the run that it is of, if it is of one."""
     from crowdsim.view.bvh_motion import is_bvh, parse_people, record_bvh
 
     if is_bvh(thing):
         recording, findings = record_bvh(thing, fps, frames, parse_people(avatars))
         for line in findings:
             note(f"{thing}: {line}")
-        yield recording
+        yield recording, None
         return
     from crowdsim.runs.opening import open_run
     from crowdsim.runs.recorded import VIEW_FPS
@@ -86,7 +98,39 @@ def _recording(
         run = open_run(folder)
         for line in run.notes:
             note(line)
-        yield run.recording(avatars, frames, fps or VIEW_FPS, threads)
+        yield run.recording(avatars, frames, fps or VIEW_FPS, threads), run
+
+
+def _repeated(run: RecordedRun, threads: int) -> Repeated | None:
+    """Return what knows why avatars of a run did what they did; None where its scenario is not there any more."""
+    from crowdsim.runs.reasons import Repeated
+
+    try:
+        return Repeated(run, threads)
+    except CrowdsimError as error:
+        detail(f"why avatars do what they do is not known: {error}")
+        return None
+
+
+def _reasons(
+    run: RecordedRun | None, recording: Recording, avatars: str | None, why: str, threads: int
+) -> dict[str, list[dict[str, Any]]]:
+    """Return the decisions of some avatars of a recording by their numbers."""
+    from crowdsim.export.select import parse_avatars
+    from crowdsim.runs.reasons import Repeated
+
+    if run is None:
+        raise CrowdsimError("--why has no effect on BVH files, whose figures decide nothing")
+    numbers, shown = parse_avatars(why, run.cast) or [], parse_avatars(avatars, run.cast)
+    absent = [] if shown is None else sorted(set(numbers) - set(shown))
+    if absent:
+        raise CrowdsimError(f"--why names avatar {absent[0]}, expected some of --avatars {avatars}")
+    first, fps = recording.motion.first, recording.motion.fps
+    begin, end = (int(frame / fps * run.control_rate) for frame in (first, first + recording.motion.frames))
+    found: dict[str, list[dict[str, Any]]] = {str(number): [] for number in numbers}
+    for decision in Repeated(run, threads).all(numbers, begin, end):
+        found[str(decision["avatar"])].append(decision)
+    return found
 
 
 def serve(server: Server, host: str | None, opens: bool) -> None:

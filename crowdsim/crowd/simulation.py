@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -47,6 +48,9 @@ from crowdsim.crowd.workers import Workers
 from crowdsim.errors import RunError, nearest
 from crowdsim.places.arrays import build_places
 from crowdsim.scenario.groups import SEARCHES
+
+if TYPE_CHECKING:
+    from crowdsim.crowd.explaining import Decision
 
 SMALL = 400
 """Most avatars whose opponents ``auto`` finds by comparing with everyone, many frames in one compiled call."""
@@ -177,6 +181,16 @@ class Simulation:
             raise RunError(f"target {number} cannot be moved, expected one whose path has keys")
         path.add(self.frame, (x, y, z))
         return self.frame
+
+    def explain(self) -> list[Decision]:
+        """Return the decisions of the next control frame, in the order of avatars, without going on."""
+        from crowdsim.crowd.explaining import explain_frame
+
+        if self.is_over:
+            return []
+        self._apply_events()
+        world, moves = self._world_at(self.frame - 1, 2), not self._is_rolled_in
+        return explain_frame(self.crowd, self.model, self.avatars, world, self._now, self._fresh, moves)
 
     @property
     def _now(self) -> Now:

@@ -19,6 +19,7 @@ from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.crowd.chunk import Frame
 from crowdsim.crowd.draw import draw_crowd, is_conditioned
 from crowdsim.crowd.events import VARIABLES
+from crowdsim.crowd.explaining import Decision
 from crowdsim.crowd.jit_warmup import warm_up
 from crowdsim.crowd.plan import plan_change
 from crowdsim.crowd.script import KeyPath
@@ -143,6 +144,10 @@ class Session:
         self._digest.update(frame.targets.tobytes())
         self.strikes["thrown"] += len(frame.events.frame)
         self.strikes["landed"] += int(frame.events.landed.sum())
+
+    def explain(self) -> list[Decision]:
+        """Return the decisions of the next control frame, in the order of avatars."""
+        return self.simulation.explain()
 
     # What is seen
 

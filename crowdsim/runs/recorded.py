@@ -233,7 +233,7 @@ class RecordedRun(Take):
         from crowdsim.view.take_motion import record_take
 
         numbers = self._chosen(avatars)
-        return record_take(self, fps, numbers, frames, threads, self.arena, self.cameras, self.health)
+        return record_take(self, fps, numbers, frames, threads, self.arena, self.cameras, self.health, self.obstacles)
 
     def _chosen(self, avatars: ArrayLike | None) -> list[int] | None:
         """Return the numbers of avatars, ascending; None for all."""

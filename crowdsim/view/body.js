@@ -11,6 +11,15 @@ function rotate(out, o, q, i, x, y, z) {
   out[o + 2] = z + w * t + a * v - b * u;
 }
 
+function edgeShapes(edges, paint) {
+  const shapes = [];
+  for (let i = 0; i < edges.length; i += 7) {
+    const [x, y, z, u, v, w, r] = edges.slice(i, i + 7);
+    shapes.push(x, y, z, r, u, v, w, r, ...paint);
+  }
+  return new Float32Array(shapes);
+}
+
 class Crowd {
   constructor(recording) {
     this.recording = recording;
@@ -29,6 +38,9 @@ class Crowd {
       this.capsules = (this.capsules || 0) + n * figure.avatars.length;
     }
     this.capsules += scene.targets.length;
+    // Frames of obstacles: of each edge both ends and the radius.
+    this.obstacles = (scene.obstacles ?? []).map(({ edges, ...others }) => ({ ...others, shapes: edgeShapes(edges, others.paint) }));
+    for (const { shapes } of this.obstacles) this.capsules += shapes.length / FLOATS;
     this.positions = new Float64Array(3 * most);
     this.rotations = new Float64Array(4 * most);
     this.shapes = new Float32Array(FLOATS * Math.max(this.capsules, 1));
@@ -161,6 +173,14 @@ class Crowd {
     for (const [x, y, z] of this.targets(moment)) {
       shapes.set([x, y, z, MARKER_RADIUS, x, y + 5e-4, z, MARKER_RADIUS, ...MARKER_PAINT], FLOATS * at);
       owners[at++] = -1;
+    }
+    const seconds = (this.scene.first + moment.before + moment.part) / this.scene.fps;
+    for (const one of this.obstacles) {
+      if (one.opens !== null && one.opens <= seconds && (one.closes === null || seconds < one.closes)) continue;
+      shapes.set(one.shapes, FLOATS * at);
+      const next = at + one.shapes.length / FLOATS;
+      owners.fill(-1, at, next);
+      at = next;
     }
     this.drawn = at;
   }

@@ -154,7 +154,9 @@ async function openRecording() {
     throw Error('This is no recording that this player reads.');
   scene.figures.forEach(figure => { figure.avatars = []; });
   scene.tables.figure.forEach((figure, avatar) => scene.figures[figure].avatars.push(avatar));
-  return scene.live ? new LiveRecording(scene) : new Recording(source, scene);
+  const recording = scene.live ? new LiveRecording(scene) : new Recording(source, scene);
+  recording.why = origin.why;
+  return recording;
 }
 
 // Of a table of changes with CSR offsets, the row that holds at a number for an item; -1 before the first one.

@@ -153,6 +153,7 @@ class LivePlayer extends Player {
 
   makeCrowd() { return new LiveCrowd(this.recording); }
   makeFacts() { return new LiveFacts(this.scene, this.recording); }
+  makeReasons() { return new LiveReasons(); }
 
   frame(state) {
     this.facts.add(state.strikes);
@@ -165,8 +166,10 @@ class LivePlayer extends Player {
     if (message.restart) {
       this.recording.clear();
       this.facts.clear();
+      this.reasons.decisions.length = 0;
       this.time = 0;
     }
+    if (message.why) this.reasons.add(message.why);
     if (message.error) this.say(message.error, true);
     if (message.said) this.say(message.said);
     if (message.done === 'record') element('record').disabled = false;
@@ -231,6 +234,14 @@ class LivePlayer extends Player {
     });
     on('set-free', () => send('set_on', { avatar: this.selected }));
     on('remove', () => send(this.isThere() ? 'remove' : 'add', { avatar: this.selected }));
+  }
+
+  // Decisions of one avatar are told at a time.
+  tellWhy() {
+    const asked = element('why').open && this.selected >= 0 ? this.selected : null;
+    if (asked !== this.asked) this.recording.send({ do: 'why', avatar: asked });
+    this.asked = asked;
+    super.tellWhy();
   }
 
   isThere() { return Boolean(this.recording.state(this.recording.latest)?.there[this.selected]); }

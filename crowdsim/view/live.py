@@ -20,6 +20,8 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.chunk import Frame
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.events import VARIABLES, Events
+from crowdsim.crowd.explaining import Decision
+from crowdsim.crowd.obstacles import pack_obstacles
 from crowdsim.crowd.record import TakeData
 from crowdsim.motion import quaternion
 from crowdsim.poses.layer import Layer, Scheduler
@@ -76,6 +78,9 @@ class Played(Protocol):
 
     def tunings(self) -> dict[str, dict[str, Any]]:
         """Return what can be tuned of each type, and its values now."""
+
+    def explain(self) -> list[Decision]:
+        """Return the decisions of the next control frame."""
 
     def health(self) -> tuple[Array, Array]:
         """Return the health of each avatar now, and at the start. Shape (N,) each."""
@@ -281,7 +286,9 @@ def live_recording(played: Played) -> Recording:
         policies=tuple(crowd.policies),
     )
     health = {name: kind.damage.health for name, kind in scenario.types.items() if kind.damage is not None}
-    recording = record_take(start, crowd.rate * ROWS, arena=crowd.arena, health=health)
+    recording = record_take(
+        start, crowd.rate * ROWS, arena=crowd.arena, health=health, obstacles=pack_obstacles(scenario, None)
+    )
     live = {
         "lag": LAG,
         "rows": ROWS,

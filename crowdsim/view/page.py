@@ -23,7 +23,18 @@ GENERATOR = b'<meta name="generator" content="crowdsim view">'
 """By this line near its begin a page is known as one of the player."""
 _BYTES, LARGEST = 60.0, 600e6
 """About how much an avatar takes in a frame, and the most that browsers load [bytes]."""
-_SCRIPTS = ("data.js", "body.js", "camera.js", "draw.js", "marks.js", "panel.js", "player.js", "live.js", "start.js")
+_SCRIPTS = (
+    "data.js",
+    "body.js",
+    "camera.js",
+    "draw.js",
+    "marks.js",
+    "panel.js",
+    "why.js",
+    "player.js",
+    "live.js",
+    "start.js",
+)
 """The program, in the order in which its parts need one another."""
 
 
@@ -46,7 +57,12 @@ def is_page(path: Path) -> bool:
 
 
 def write_page(
-    path: Path, recording: Recording, force: bool = False, threads: int = 1, progress: Progress | None = None
+    path: Path,
+    recording: Recording,
+    force: bool = False,
+    threads: int = 1,
+    progress: Progress | None = None,
+    reasons: Mapping[str, Any] | None = None,
 ) -> int:
     """Write a page with a whole recording in it; return its size [bytes].
 
@@ -56,6 +72,7 @@ def write_page(
         force: Whether a page that is there may be replaced.
         threads: Threads.
         progress: Called with stage, done and total.
+        reasons: Decisions (``why.describe_decision``) of some avatars by their numbers.
 
     Raises:
         OutputError: The file cannot be written, or something else has its name.
@@ -68,7 +85,7 @@ def write_page(
             raise OutputError(f"{path}: is there already; --force replaces it")
     check_size(recording)
     make_folder(path.parent)
-    write_plain(path.parent, path.name, page_parts(recording, threads, progress))
+    write_plain(path.parent, path.name, page_parts(recording, threads, progress, reasons))
     return path.stat().st_size
 
 
@@ -115,10 +132,16 @@ def page_head(title: str, connects: str = "'none'") -> str:
     return re.sub(r"\{\{(\w+)\}\}", lambda found: texts[found[1]], markup)
 
 
-def page_parts(recording: Recording, threads: int = 1, progress: Progress | None = None) -> Iterator[bytes]:
-    """Yield a page with a whole recording in it, part by part."""
+def page_parts(
+    recording: Recording,
+    threads: int = 1,
+    progress: Progress | None = None,
+    reasons: Mapping[str, Any] | None = None,
+) -> Iterator[bytes]:
+    """Yield a page with a whole recording in it, part by part; arguments as of ``write_page``."""
     yield page_head(recording.name).encode()
-    yield embedded({"scene": base64.b64encode(recording.scene()).decode("ascii")}).encode()
+    why = {} if reasons is None else {"why": reasons}
+    yield embedded({"scene": base64.b64encode(recording.scene()).decode("ascii"), **why}).encode()
     yield program().encode()
     for number, block in enumerate(recording.blocks(threads, progress)):
         yield f'<script type="text/plain" id="block-{number}">{block}</script>\n'.encode()

@@ -31,6 +31,8 @@ class Player {
     this.painter = new Painter(element('picture'), this.crowd);
     this.overlay = new Overlay(element('overlay'), this.crowd, this.facts);
     this.panel = new Panel(this.crowd, this.facts);
+    this.reasonPanel = new ReasonPanel(this.facts);
+    this.reasons = this.makeReasons();
     this.timeline = new Timeline(element('strip'), this.facts);
     this.options = { labels: scene.names.length <= 4, marks: true, joints: false, trails: false, hits: false };
     element('labels').checked = this.options.labels;
@@ -45,6 +47,10 @@ class Player {
 
   makeCrowd() { return new Crowd(this.recording); }
   makeFacts() { return new Facts(this.scene); }
+  makeReasons() {
+    const { why } = this.recording;
+    return why === true ? new ServedReasons(this.scene, () => this.change()) : why ? new PageReasons(this.scene, why) : null;
+  }
 
   change() { this.dirty = true; }
 
@@ -142,6 +148,7 @@ class Player {
     for (const option of ['labels', 'marks', 'trails', 'hits']) on(option, 'change', () => this.set(option, element(option).checked));
     on('copy', 'click', () => this.copyCamera());
     on('help', 'click', () => this.showKeys());
+    on('why', 'toggle', () => this.change());
     let held = false;
     const go = event => this.seek(this.timeline.jump(event.offsetX, strip.clientWidth, this.selected));
     on('strip', 'pointerdown', event => {
@@ -151,6 +158,13 @@ class Player {
     });
     on('strip', 'pointermove', event => { if (held) this.seek(this.timeline.at(event.offsetX, strip.clientWidth)); });
     for (const event of ['pointerup', 'pointercancel']) on('strip', event, () => { held = false; });
+  }
+
+  // Shows why the chosen avatar does what it does, where that is known and asked for.
+  tellWhy() {
+    const { selected, reasons } = this, knows = selected >= 0 && reasons !== null && reasons.knows(selected);
+    element('reasons').hidden = !knows;
+    if (knows && element('why').open) this.reasonPanel.show(reasons.find(selected, Math.floor(this.time * this.scene.rate + 1e-6)));
   }
 
   set(option, value) {
@@ -350,6 +364,7 @@ class Player {
     this.fine = this.playing || fine ? 0 : this.last + 150;
     this.overlay.draw(this.view, moment, this.time, { ...this.options, selected: this.selected, dark: this.dark.matches });
     this.panel.update(this.selected, this.time, moment.before);
+    this.tellWhy();
     this.timeline.draw(this.time, this.selected);
     element('scrub').value = this.time;
     element('camera').value = this.camera.choice;

@@ -19,6 +19,7 @@ from crowdsim.errors import CrowdsimError
 from crowdsim.view.page import embedded, page_head, program
 from crowdsim.view.recording import Recording
 from crowdsim.view.stage import Stage
+from crowdsim.view.why import Reasons
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
@@ -67,13 +68,16 @@ class Server:
         uvicorn.Server(config).run(sockets=[self.socket])
 
 
-def open_server(source: Recording | Stage, host: str = LOOPBACK, port: int = 0) -> Server:
+def open_server(
+    source: Recording | Stage, host: str = LOOPBACK, port: int = 0, reasons: Reasons | None = None
+) -> Server:
     """Return a server of a recording, or of what is played live, which listens.
 
     Args:
         source: The recording, or the stage.
         host: Address or name to listen at.
         port: Port; one that is free when 0.
+        reasons: Knows why avatars of the recording did what they did.
 
     Raises:
         CrowdsimError: Packages are missing, or the port is in use or cannot be had.
@@ -95,7 +99,7 @@ def open_server(source: Recording | Stage, host: str = LOOPBACK, port: int = 0) 
     number = listening.getsockname()[1]
     shown = LOOPBACK if host in ("0.0.0.0", "::") else host
     shown = f"[{shown}]" if ":" in shown else shown
-    return Server(build_app(source, token, host, number), listening, f"http://{shown}:{number}/{token}/")
+    return Server(build_app(source, token, host, number, reasons), listening, f"http://{shown}:{number}/{token}/")
 
 
 def _listen(host: str, port: int) -> socket.socket:
@@ -112,7 +116,7 @@ def _listen(host: str, port: int) -> socket.socket:
     return listening
 
 
-def build_app(source: Recording | Stage, token: str, host: str, port: int) -> Starlette:
+def build_app(source: Recording | Stage, token: str, host: str, port: int, reasons: Reasons | None = None) -> Starlette:
     """Return what answers requests for a recording, or for what is played live.
 
     Args:
@@ -120,9 +124,10 @@ def build_app(source: Recording | Stage, token: str, host: str, port: int) -> St
         token: First part of every path.
         host: Where it listens; requests name it, or this machine.
         port: Its port.
+        reasons: Knows why avatars of the recording did what they did.
     """
     from starlette.applications import Starlette
-    from starlette.responses import PlainTextResponse, Response
+    from starlette.responses import JSONResponse, PlainTextResponse, Response
     from starlette.routing import Route, WebSocketRoute
 
     recording = source if isinstance(source, Stage) else replace(source, block_seconds=_BLOCK_SECONDS)
@@ -140,7 +145,7 @@ def build_app(source: Recording | Stage, token: str, host: str, port: int) -> St
     def show(request: Request) -> Response:
         # Some browsers take 'self' for pages alone; the name has been checked.
         connects = f"'self' ws://{request.headers['host']}" if isinstance(source, Stage) else "'self'"
-        page = f"{page_head(source.name, connects)}{embedded({})}{program()}"
+        page = f"{page_head(source.name, connects)}{embedded({'why': reasons is not None})}{program()}"
         return Response(page, media_type="text/html; charset=utf-8")
 
     def scene(request: Request) -> Response:
@@ -156,6 +161,15 @@ def build_app(source: Recording | Stage, token: str, host: str, port: int) -> St
         with posing:
             return Response(recording.block(number), media_type="application/octet-stream")
 
+    def why(request: Request) -> Response:
+        avatar, frame = (request.path_params[name] for name in ("avatar", "frame"))
+        if reasons is None or not all(text.isdecimal() and len(text) < 10 for text in (avatar, frame)):
+            return PlainTextResponse("nothing is known of that\n", 404)
+        try:
+            return JSONResponse(reasons.at(int(avatar), int(frame)))
+        except CrowdsimError as error:
+            return PlainTextResponse(f"{error}\n", 404)
+
     def other(request: Request) -> Response:
         return PlainTextResponse("there is no such page\n", 404)
 
@@ -169,6 +183,7 @@ def build_app(source: Recording | Stage, token: str, host: str, port: int) -> St
     routes = [
         Route("/{token}/", checked(show)),
         Route("/{token}/scene", checked(scene)),
+        Route("/{token}/why/{avatar}/{frame}", checked(why)),
         WebSocketRoute("/{token}/live", live) if isinstance(source, Stage) else blocks,
         Route("/{path:path}", checked(other)),
         WebSocketRoute("/{path:path}", _refuse),

@@ -16,6 +16,7 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.chunk import Frame
 from crowdsim.errors import CrowdsimError
 from crowdsim.view.live import LAG, LivePoses, Played, clips_of, live_recording, pack_frame
+from crowdsim.view.why import describe_decision
 
 Send = Callable[[str | bytes], None]
 """Sends a message to one who watches; called by any thread."""
@@ -129,6 +130,17 @@ class Drag(_Command):
         stage.played.drag(self.target, self.x, self.y, self.z)
 
 
+class Why(_Command):
+    """Tell the decisions of an avatar from now on; of none without one."""
+
+    do: Literal["why"]
+    avatar: int | None = None
+
+    def apply(self, stage: Stage) -> None:
+        """Do it."""
+        stage.asked = self.avatar
+
+
 class Record(_Command):
     """Write what has been played as a run."""
 
@@ -140,7 +152,9 @@ class Record(_Command):
 
 
 _COMMANDS: TypeAdapter[Any] = TypeAdapter(
-    Annotated[Pause | Step | Speed | Restart | Tune | SetOn | Remove | Add | Drag | Record, Field(discriminator="do")]
+    Annotated[
+        Pause | Step | Speed | Restart | Tune | SetOn | Remove | Add | Drag | Why | Record, Field(discriminator="do")
+    ]
 )
 
 
@@ -155,11 +169,13 @@ class Stage:
         played: The session.
         paused: Whether it stands still.
         speed: How much faster than time passes it is simulated.
+        asked: The avatar whose decisions are told.
     """
 
     def __init__(self, played: Played, record: Callable[[], str]) -> None:
         self.played, self.record = played, record
         self.paused, self.speed = False, 1.0
+        self.asked: int | None = None
         self._lock = threading.RLock()
         self._sends: set[Send] = set()
         self._ended, self._woken = threading.Event(), threading.Event()
@@ -249,6 +265,12 @@ class Stage:
         if self.played.is_over:
             self.pause(True)
             return
+        if self.asked is not None:
+            for decision in self.played.explain():
+                if decision.avatar == self.asked:
+                    crowd = self.played.crowd
+                    policy = crowd.policies[crowd.cast.policies[decision.avatar]]
+                    self._tell(json.dumps({"why": describe_decision(decision, policy)}))
         frame = self.played.step()
         self._poses.add(frame)
         self._states.append((self.played.health()[0], self.played.down().copy()))

@@ -21,6 +21,7 @@ from crowdsim.render.take_source import TakeSource
 from crowdsim.scenario.camera import Camera
 from crowdsim.scenario.frame_ranges import parse_frames
 from crowdsim.take.take import Take
+from crowdsim.view.obstacle_frames import obstacle_frames
 from crowdsim.view.recording import OUTSIDE, Recording, describe_figure, plan_cameras
 
 _POSES_AT_ONCE = 16_000
@@ -36,6 +37,7 @@ def record_take(
     arena: Array | None = None,
     cameras: Mapping[str, Camera] | None = None,
     health: Mapping[str, float] | None = None,
+    obstacles: Array | None = None,
 ) -> Recording:
     """Return a take for the player.
 
@@ -48,6 +50,7 @@ def record_take(
         arena: The arena of its scenario, see ``crowd.cast.pack_arena``; open ground when None.
         cameras: Cameras of its scenario by name.
         health: Health of avatars at the start, by the names of their types; those without cannot be hurt [points].
+        obstacles: Parts of obstacles, see ``RecordedRun.obstacles``; none when None.
 
     Raises:
         TakeError: The take has no such frames, or none of the avatars is there in them.
@@ -67,6 +70,7 @@ def record_take(
     motion.scene = {
         "arena": np.asarray(source.arena, float).tolist(),
         "sun": [round(float(value), 5) for value in sun],
+        "obstacles": [] if obstacles is None else obstacle_frames(obstacles),
     }
     motion.heights = source.avatar_heights[motion.numbers]
     return Recording(motion, take.scenario, tracks)
@@ -143,6 +147,7 @@ class TakeMotion:
             "rate": take.control_rate,
             "seed": take.seed,
             "names": cast.names[numbers].tolist(),
+            "numbers": numbers.tolist(),
             "teams": list(cast.team_names),
             "team_colours": [
                 [round(255 * value) for value in colours.get(team, (0.5, 0.5, 0.5))]

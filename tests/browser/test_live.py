@@ -169,6 +169,15 @@ def test_types_are_tuned_and_avatars_set_on_one_another_and_taken_out(play, brow
     assert -1 in run.action[:, 3]
 
 
+def test_why_an_avatar_does_what_it_does_is_shown(play, browser) -> None:
+    play(load_scenario(scene(duration=400)))
+    browser.evaluate("crowdsimPlayer.select(1); document.getElementById('why').open = true")
+    browser.wait("!!document.querySelector('#why-text .taken')")
+    text = browser.evaluate("document.getElementById('why-text').innerText")
+    assert "▶" in text
+    assert "learned" in text
+
+
 def test_it_begins_again(play, browser) -> None:
     session = play(load_scenario(scene(duration=400)))
     browser.wait("crowdsimPlayer.counts.thrown > 0")

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 from conftest import picture, screen
-from scenes import crowdsim, write_scene
+from scenes import crowdsim, scene, write_scene
 
 import crowdsim as library
 from crowdsim.scenario.camera_files import camera_in_file
@@ -287,6 +287,40 @@ def test_a_served_page_shows_itself_and_asks_its_server_alone(browser, run) -> N
     browser.evaluate("crowdsimPlayer.recording.blocks.clear(); crowdsimPlayer.seek(0.2)")
     browser.wait("!document.getElementById('message').hidden")
     assert browser.evaluate("document.getElementById('message').textContent").startswith("The connection is lost")
+
+
+def test_a_page_with_reasons_shows_why_an_avatar_does_what_it_does(browser, run) -> None:
+    page = run.parent / "reasons.html"
+    assert crowdsim("view", run, "--html", page, "--why", "red_1", "-q") == 0
+    browser.shown(page)
+    browser.evaluate("crowdsimPlayer.play(false); crowdsimPlayer.seek(2); crowdsimPlayer.select(0)")
+    browser.settle()
+    assert browser.evaluate("document.getElementById('reasons').hidden")
+    browser.evaluate("crowdsimPlayer.select(1); document.getElementById('why').open = true")
+    browser.wait("!!document.querySelector('#why-text .taken')")
+    opened = library.open_run(run)
+    action = int(opened.action[30, 1])
+    assert browser.evaluate("document.querySelector('#why-text .taken').title").startswith(f"action {action},")
+    assert browser.console == []
+
+
+def test_obstacles_are_shown_and_doors_vanish_while_they_are_open(browser, workplace) -> None:
+    doors = [{"at": 2, "width": 1.5, "opens": 1}]
+    wall = {"kind": "wall", "points": [[-2, 3], [2, 3]], "height": 2, "doors": doors}
+    opened = library.run(library.load_scenario(scene(obstacles=[wall])))
+    page = workplace / "walls.html"
+    page.write_text(opened.view(fps=15.0), encoding="utf-8")
+    browser.shown(page)
+    browser.evaluate("crowdsimPlayer.play(false); crowdsimPlayer.seek(0.5)")
+    closed = picture(browser)
+    count = browser.evaluate("crowdsimPlayer.crowd.drawn")
+    browser.evaluate("crowdsimPlayer.seek(1.5)")
+    picture(browser)
+    assert browser.evaluate("crowdsimPlayer.crowd.drawn") == count - 12
+    browser.evaluate("crowdsimPlayer.crowd.obstacles.length = 0; crowdsimPlayer.seek(0.5)")
+    without = picture(browser)
+    assert (np.abs(closed - without).max(axis=-1) > 30).sum() > 300
+    assert browser.console == []
 
 
 def test_a_report_shows_its_player(browser, run) -> None:

@@ -224,6 +224,32 @@ def test_what_is_asked_for_is_done_or_refused_with_a_reason(stage) -> None:
         assert reason in json.loads(stage.act(text))["error"]
 
 
+def test_decisions_of_one_avatar_are_told(stage) -> None:
+    told = []
+    stage.pause(True)
+    stage.watch(told.append)
+    for _ in range(3):
+        stage.act('{"do": "step"}')
+    assert not any("why" in json.loads(one) for one in told if isinstance(one, str))
+    stage.act('{"do": "why", "avatar": 2}')
+    actions = []
+    for _ in range(25):
+        stage.act('{"do": "step"}')
+        actions.append(int(stage._poses._frames[-1].action[2]))
+    messages = [json.loads(one) for one in told if isinstance(one, str)]
+    reasons = [one["why"] for one in messages if "why" in one]
+    assert len(reasons) > 2
+    for one in reasons:
+        assert one["avatar"] == 2
+        (taken,) = [option for option in one["options"] if option["taken"]]
+        assert taken["action"] == actions[one["frame"] - stage.played.frame + 25]
+    stage.act('{"do": "why"}')
+    before = len(told)
+    for _ in range(25):
+        stage.act('{"do": "step"}')
+    assert not any("why" in json.loads(one) for one in told[before:] if isinstance(one, str))
+
+
 def test_beginning_again_begins_again(stage) -> None:
     told = []
     stage.pause(True)

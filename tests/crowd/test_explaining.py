@@ -1,0 +1,79 @@
+"""Decisions are explained as they are made."""
+
+import numpy as np
+import pytest
+from scenes import scene
+
+from crowdsim.crowd.draw import draw_crowd
+from crowdsim.crowd.kernels.explain import NAMES
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.preparation.prepare import load_policies
+from crowdsim.scenario.scenario import load_scenario
+
+HURT = {"boxer": {"policy": "tiny", "damage": {"health": 40}}}
+
+
+@pytest.fixture
+def simulate(workplace):
+    def begin(**keys):
+        scenario = load_scenario(scene(**keys))
+        return Simulation(draw_crowd(scenario, load_policies(scenario)))
+
+    return begin
+
+
+@pytest.mark.parametrize("keys", [{}, {"types": HURT, "duration": 90, "pre_roll": 0}])
+def test_the_action_that_is_explained_is_the_one_that_is_taken(simulate, keys) -> None:
+    simulation, count, near = simulate(**keys), 0, 0
+    before = np.full(4, -1)
+    while not simulation.is_over:
+        decisions = simulation.explain()
+        frame = simulation.step()
+        assert {one.frame for one in decisions} <= {frame.number}
+        for one in decisions:
+            assert frame.action[one.avatar] == one.chosen
+            assert frame.opponent[one.avatar] == one.opponent
+            assert one.values.shape == (len(NAMES), len(one.actions))
+            count += 1
+            near += one.chosen in one.actions[one.candidates]
+        # None but those that have decided does something else now.
+        changed = np.flatnonzero((frame.action != before) & (before >= 0))
+        assert set(changed.tolist()) <= {one.avatar for one in decisions}
+        before = frame.action
+    assert count > 20
+    # Some draw again, since there is a veto to what they have drawn.
+    assert near > 0.7 * count
+
+
+def test_explaining_changes_nothing(simulate) -> None:
+    one, other = simulate(), simulate()
+    for _ in range(40):
+        one.explain()
+        one.step()
+        other.step()
+    for name, values in one.state().items():
+        np.testing.assert_array_equal(values, other.state()[name], err_msg=name)
+
+
+def test_terms_add_up_to_what_is_drawn_by(simulate) -> None:
+    simulation = simulate(types={"boxer": {"policy": "tiny", "temperature": 0, "variety": 0}}, pre_roll=0)
+    best = 0
+    decisions = []
+    while not simulation.is_over:
+        found = simulation.explain()
+        simulation.step()
+        decisions += found
+    for one in decisions:
+        totals = one.totals
+        assert np.isfinite(totals).all()
+        np.testing.assert_allclose(totals, one.values.sum(axis=0))
+        best += one.chosen == one.actions[np.argmax(totals)]
+    # Without temperature the best one is taken, but for vetoes.
+    assert best > 0.7 * len(decisions)
+
+
+def test_a_run_that_is_over_has_no_decisions(simulate) -> None:
+    simulation = simulate(duration=3)
+    while not simulation.is_over:
+        simulation.step()
+    assert simulation.explain() == []
