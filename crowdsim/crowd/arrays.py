@@ -90,6 +90,8 @@ class Model(NamedTuple):
             fills the places that a walk does not need. Shape (n, most points, 2), float64.
         ways_to_rest: How each state leads to a rest. Shape (S,), or (0,) where no policy has rests, ``REST_ENTRY``.
         defence: Hits that follow each action by what an avatar sees (``policy.defence``). Shape (A, cells), float32.
+        shields: Radii of forearms and gloves of each avatar that shields make (``attachments.shield_radii``). Shape
+            (N, 4), or (0, 4) where there are no shields, float32.
     """
 
     offsets: Array
@@ -130,6 +132,7 @@ class Model(NamedTuple):
     walk_points: Array
     ways_to_rest: Array
     defence: Array
+    shields: Array
 
 
 class Avatars(NamedTuple):

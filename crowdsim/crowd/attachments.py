@@ -15,10 +15,11 @@ from crowdsim.crowd.meshes import MeshError, face_rods, read_obj
 from crowdsim.crowd.props import PROP
 from crowdsim.errors import nearest
 from crowdsim.motion import quaternion
-from crowdsim.motion.body import ROLES
+from crowdsim.motion.body import ROLES, Body
 from crowdsim.scenario.attachments import BoxAttachment, CapsulesAttachment, MeshAttachment
 
 if TYPE_CHECKING:
+    from crowdsim.crowd.cast import Cast
     from crowdsim.motion.database import MotionDatabase
     from crowdsim.policy.policy import Policy
     from crowdsim.scenario.scenario import Scenario
@@ -55,7 +56,7 @@ def pack_attachments(scenario: Scenario, policies: Mapping[str, Policy]) -> Arra
             turn = _rotation(one.rotation)
             for start, end, radius in _capsules(one, scenario.folder):
                 ends = [quaternion.rotate(turn, np.asarray(point, float)) + one.offset for point in (start, end)]
-                rows.append((number, joint, *map(tuple, ends), radius, colour))
+                rows.append((number, joint, *map(tuple, ends), radius, colour, one.blocks))
     return np.array(rows, PROP)
 
 
@@ -80,12 +81,43 @@ def attachment_findings(scenario: Scenario, policies: Mapping[str, Policy]) -> l
                     f"expected a role, {', '.join(role for role in ROLES if role in database.body.roles)}, or a joint"
                 )
                 findings.append(Finding((*key, "joint"), what))
+            elif one.blocks and _joint_of(database, one.joint) not in _guard_joints(database.body):
+                what = f"is true at {one.joint!r}, which holds no shield, expected a hand or an elbow"
+                findings.append(Finding((*key, "blocks"), what))
             if isinstance(one, MeshAttachment) and scenario.folder is not None:
                 try:
                     read_obj(Path(scenario.folder) / one.file)
                 except MeshError as error:
                     findings.append(Finding((*key, "file"), f"{one.file!r} {error}"))
     return findings
+
+
+def shield_radii(cast: Cast, numbers: Array, body: Body) -> Array:
+    """Return the radii of left and right forearm, and of left and right glove, that shields make, for scale 1 [m].
+
+    Args:
+        cast: All avatars.
+        numbers: Numbers of some of them, of one policy. Shape (n,).
+        body: The body of that policy.
+
+    Returns:
+        0 where there is no shield. Shape (n, 4), float32.
+    """
+    shields = cast.attachments[cast.attachments["blocks"]]
+    radii = np.zeros((len(cast.type_names), 4), np.float32)
+    for kind in np.unique(shields["type"]):
+        for column, joint in enumerate(_guard_joints(body)):
+            mine = shields[(shields["type"] == kind) & (shields["joint"] == joint)]
+            if len(mine):
+                ends, thick = np.concatenate([mine["start"], mine["end"]]), np.tile(mine["radius"], 2)[:, None]
+                size = (ends + thick).max(axis=0) - (ends - thick).min(axis=0)
+                radii[kind, column] = 0.5 * float(np.sort(size)[1])
+    return radii[np.asarray(cast.types)[numbers]]
+
+
+def _guard_joints(body: Body) -> list[int]:
+    """Return left and right elbow, left and right hand."""
+    return [body.roles[f"{side}_{role}"] for role in ("elbow", "hand") for side in ("left", "right")]
 
 
 def _joint_of(database: MotionDatabase, name: str) -> int | None:
@@ -104,7 +136,7 @@ def _own_props(database: MotionDatabase) -> list[tuple[Any, ...]]:
         fist = database.body.fist_offsets[prop["side"]]
         butt = fist - _BUTT * (tip - fist)
         radius = max(float(prop["radius"]), 1e-3)
-        rows.append((int(prop["joint"]), tuple(butt), tuple(tip), radius, WOOD))
+        rows.append((int(prop["joint"]), tuple(butt), tuple(tip), radius, WOOD, False))
     return rows
 
 

@@ -134,6 +134,7 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False, with_out
         walk_points=walk_points,
         ways_to_rest=records(ways_to_rest, REST_ENTRY),
         defence=join_defences([policy.defence for policy in policies], [len(action.next) for action in actions]),
+        shields=np.zeros((0, 4), np.float32),
     )
 
 

@@ -12,6 +12,10 @@ PROP = np.dtype(
         ("end", np.float32, 3),
         ("radius", np.float32),
         ("colour", np.float32, 3),
+        ("blocks", np.bool_),
     ]
 )
-"""A capsule that avatars of a type carry at a joint: both ends in the joint's frame [m], its radius [m], its colour."""
+"""A capsule that avatars of a type carry at a joint.
+
+Both ends in the joint's frame [m], its radius [m], its colour, and whether it is of a shield, which blocks strikes.
+"""

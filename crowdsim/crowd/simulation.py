@@ -15,6 +15,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Arena, Avatars, CrowdingRules, Model, Record, Streams, World
+from crowdsim.crowd.attachments import shield_radii
 from crowdsim.crowd.buffers import empty_record, empty_scratch, empty_strikes
 from crowdsim.crowd.chunk import STAGES, Chunk, Frame, events_of
 from crowdsim.crowd.cohorts import cohort_columns
@@ -58,7 +59,14 @@ SMALL = 400
 
 def crowd_model(crowd: Crowd) -> Model:
     """Return the policies of a crowd one after another, with what its avatars need of them."""
-    return build_model(crowd.policies, bool(crowd.cast.stances.any()), bool(len(crowd.parts)))
+    model = build_model(crowd.policies, bool(crowd.cast.stances.any()), bool(len(crowd.parts)))
+    if not crowd.cast.attachments["blocks"].any():
+        return model
+    shields = np.zeros((crowd.count, 4), np.float32)
+    for index, policy in enumerate(crowd.policies):
+        mine = np.flatnonzero(crowd.cast.policies == index)
+        shields[mine] = shield_radii(crowd.cast, mine, policy.database.body)
+    return model._replace(shields=shields)
 
 
 class Simulation:

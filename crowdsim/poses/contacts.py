@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.crowd.attachments import shield_radii
 from crowdsim.crowd.record import TakeData
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
@@ -149,7 +150,14 @@ def find_surfaces(
         points[chosen[stopped]] = guard_points(
             near.points[chosen[stopped]],
             shoulders[chosen[stopped]],
-            guard_of(body, positions[stopped], rotations[stopped], scales[stopped], widths[stopped]),
+            guard_of(
+                body,
+                positions[stopped],
+                rotations[stopped],
+                scales[stopped],
+                widths[stopped],
+                shield_radii(take.cast, numbers[stopped], body),
+            ),
         )
     scripted = np.flatnonzero(near.victims < -1)
     if len(scripted):

@@ -25,20 +25,28 @@ class Guard(NamedTuple):
         fists: Shape (n, 2, 3) [m].
         forearms: Radius of the forearms. Shape (n,) [m].
         gloves: Radius of the gloves. Shape (n,) [m].
+        shields: Radii of left and right forearm, left and right glove that shields make. Shape (n, 4) [m].
     """
 
     elbows: Array
     fists: Array
     forearms: Array
     gloves: Array
+    shields: Array | float = 0.0
 
 
-def guard_of(body: Body, positions: Array, rotations: Array, scales: Array, widths: Array) -> Guard:
-    """Return the arms of bodies: positions (n, J, 3) [m] and rotations (n, J, 4) of joints, sizes and widths (n,)."""
+def guard_of(
+    body: Body, positions: Array, rotations: Array, scales: Array, widths: Array, shields: Array | float = 0.0
+) -> Guard:
+    """Return the arms of bodies: positions (n, J, 3) [m] and rotations (n, J, 4) of joints, sizes and widths (n,).
+
+    ``shields`` are the radii that shields make for scale 1 (n, 4) [m].
+    """
     hands, elbows = ([body.roles[f"{side}_{role}"] for side in ("left", "right")] for role in ("hand", "elbow"))
     sizes, (forearm, glove) = np.asarray(scales, dtype=float), arm_radii(body)
     fists = positions[:, hands] + sizes[:, None, None] * quaternion.rotate(rotations[:, hands], body.fist_offsets)
-    return Guard(positions[:, elbows], fists, forearm * np.asarray(widths, dtype=float), glove * sizes)
+    widths = np.asarray(widths, dtype=float)
+    return Guard(positions[:, elbows], fists, forearm * widths, glove * sizes, sizes[:, None] * shields)
 
 
 def guard_points(points: Array, origins: Array, guard: Guard) -> Array:
@@ -57,6 +65,7 @@ def guard_points(points: Array, origins: Array, guard: Guard) -> Array:
     along = np.clip(along / np.maximum(np.sum(axes * axes, axis=-1), 1e-12), 0.0, 1.0)
     middles = np.stack([guard.elbows + along[..., None] * axes, guard.fists], axis=2).reshape(-1, 4, 3)
     radii = np.stack([guard.forearms, guard.gloves] * 2, axis=1)
+    radii = np.maximum(radii, np.broadcast_to(guard.shields, radii.shape)[:, [0, 2, 1, 3]])
     gaps = np.linalg.norm(points[:, None] - middles, axis=-1) - radii
     rows, nearest = np.arange(len(points)), np.argmin(gaps, axis=1)
     middle, radius = middles[rows, nearest], radii[rows, nearest]

@@ -38,6 +38,11 @@ class _Attachment(StrictModel):
         default=(0.0, 0.0, 0.0),
         description="How it is turned there: about x, then y, then z of the joint's frame [deg].",
     )
+    blocks: bool = Field(
+        default=False,
+        description="Whether it is a shield, on a hand or an elbow: strikes that meet it are blocked. It counts as a "
+        "forearm or glove that is as wide as the middle one of its three sizes.",
+    )
     colour: Annotated[str, Field(pattern=_COLOUR)] | None = Field(
         default=None, description="Colour in pictures as '#rrggbb'; null: that of wood."
     )

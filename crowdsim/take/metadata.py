@@ -77,6 +77,7 @@ class PropFacts(DocumentModel):
     end: list[_Near] = Field(min_length=3, max_length=3)
     radius: Annotated[float, Field(gt=0.0, le=1000.0)]
     colour: list[_Share] = Field(min_length=3, max_length=3)
+    blocks: bool = False
 
 
 class TakeAttributes(OpenModel):

@@ -9,14 +9,18 @@ import pytest
 from scenes import crowdsim, write_scene
 
 import crowdsim as package
-from crowdsim.crowd.attachments import WOOD, _box_capsules
+from crowdsim.crowd.attachments import WOOD, _box_capsules, shield_radii
 from crowdsim.crowd.cast import Cast
+from crowdsim.crowd.draw import draw_crowd
+from crowdsim.crowd.kernels.layout import BLOCKED
 from crowdsim.crowd.meshes import MeshError, face_rods, read_obj
 from crowdsim.crowd.props import PROP
+from crowdsim.crowd.simulation import crowd_model
 from crowdsim.errors import TakeError
 from crowdsim.export.pointcloud import CloudSink
 from crowdsim.motion import quaternion
 from crowdsim.poses.attachments import place_attachments
+from crowdsim.poses.guards import Guard, guard_points
 
 STICK = {
     "kind": "capsules",
@@ -57,6 +61,7 @@ def folder(workplace: Path) -> Path:
         ({"kind": "mesh", "file": "bad.obj"}, "file: 'bad.obj' line 2: is no vertex or face of an OBJ file: 'v 0 x'"),
         ({"kind": "mesh", "file": "empty.obj"}, "file: 'empty.obj' holds no faces, expected an OBJ file"),
         ({"colour": "brown"}, "colour: "),
+        ({"joint": "head", "blocks": True}, "blocks: is true at 'head', which holds no shield, expected a hand"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_found_with_its_position(folder, capsys, changes, words):
@@ -108,7 +113,9 @@ def cast_of(props: np.ndarray) -> Cast:
 
 
 def test_props_follow_their_joints_and_grow_with_bodies():
-    props = np.array([(1, 1, (0, 0, 0), (0, 0, 0.5), 0.02, WOOD), (1, 0, (0.1, 0, 0), (0.2, 0, 0), 0.01, WOOD)], PROP)
+    props = np.array(
+        [(1, 1, (0, 0, 0), (0, 0, 0.5), 0.02, WOOD, False), (1, 0, (0.1, 0, 0), (0.2, 0, 0), 0.01, WOOD, False)], PROP
+    )
     positions = np.array([[[0, 1, 0], [0, 2, 0]]] * 3, np.float32)
     turn = quaternion.from_rotation_vector(np.array([0.0, np.pi / 2, 0.0])).astype(np.float32)
     rotations = np.tile(np.array([1, 0, 0, 0], np.float32), (3, 2, 1))
@@ -124,7 +131,7 @@ def test_props_follow_their_joints_and_grow_with_bodies():
 
 
 def test_a_prop_at_a_joint_that_is_not_there_is_refused():
-    props = np.array([(1, 7, (0, 0, 0), (0, 0, 0.5), 0.02, WOOD)], PROP)
+    props = np.array([(1, 7, (0, 0, 0), (0, 0, 0.5), 0.02, WOOD, False)], PROP)
     with pytest.raises(TakeError, match="is at joint 7, expected one below 2"):
         place_attachments(cast_of(props), np.arange(3), np.zeros((3, 2, 3)), np.ones((3, 2, 4)))
 
@@ -186,3 +193,42 @@ def test_clouds_have_as_many_points_some_of_them_on_props(runs, surface):
             share = np.clip((points - start) @ axis / (axis @ axis), 0.0, 1.0)
             gaps = np.abs(np.linalg.norm(points - start - share[:, None] * axis, axis=1) - radius)
             assert (gaps < 1e-4).sum() > 10
+
+
+SHIELD = {"kind": "box", "joint": "left_elbow", "size": [0.5, 0.04, 0.8], "offset": [0.15, 0, 0], "blocks": True}
+
+
+def test_shields_are_as_wide_as_the_middle_one_of_their_sizes(folder):
+    file = write_scene(folder / "shield.yaml", types=types(SHIELD, {**STICK, "blocks": True}))
+    scenario = package.load_scenario(file)
+    policies = package.load_policies(scenario)
+    crowd = draw_crowd(scenario, policies)
+    body = policies[0].database.body
+    np.testing.assert_allclose(shield_radii(crowd.cast, np.arange(4), body), [[0.25, 0.0, 0.0, 0.016]] * 4, atol=1e-6)
+    assert crowd_model(crowd).shields.shape == (4, 4)
+    bare = draw_crowd(package.load_scenario(write_scene(folder / "bare.yaml")), policies)
+    assert crowd_model(bare).shields.shape == (0, 4)
+    assert not shield_radii(bare.cast, np.arange(4), body).any()
+
+
+def test_avatars_with_shields_block_more(folder):
+    blocked = {}
+    for name, held in (
+        ("bare", []),
+        ("shields", [SHIELD, {**SHIELD, "joint": "right_elbow", "offset": [-0.15, 0, 0]}]),
+    ):
+        file = write_scene(folder / f"{name}.yaml", name=name, duration=300, types=types(*held))
+        assert crowdsim("run", file, "--out", name, "--threads", "1") == 0
+        run = package.open_run(name)
+        blocked[name] = np.mean(np.asarray(run.events.outcome)[np.asarray(run.events.victim) >= 0] == BLOCKED)
+    assert blocked["shields"] > blocked["bare"] + 0.1
+
+
+def test_a_strike_that_a_shield_blocks_stays_outside_of_it():
+    elbows, fists = np.array([[[0.2, 1.2, 0.2], [-0.2, 1.2, 0.2]]]), np.array([[[0.2, 1.45, 0.3], [-0.2, 1.45, 0.3]]])
+    point, origin = np.array([[0.2, 1.35, 0.5]]), np.array([[0.1, 1.4, 1.2]])
+    found = {}
+    for name, shield in (("bare", 0.0), ("shield", np.array([[0.25, 0, 0, 0]]))):
+        guard = Guard(elbows, fists, np.array([0.04]), np.array([0.06]), shield)
+        found[name] = guard_points(point, origin, guard)[0]
+    assert found["shield"][2] > found["bare"][2] + 0.15

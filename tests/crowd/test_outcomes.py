@@ -32,7 +32,7 @@ def at(*point):
     return np.array(point, float)
 
 
-def pair(glove=AWAY, elbow=AWAY, seen=HEAD, head=HEAD, place=(0.0, 0.0, 0.0), target=None):
+def pair(glove=AWAY, elbow=AWAY, seen=HEAD, head=HEAD, place=(0.0, 0.0, 0.0), target=None, shield=None):
     """Two avatars face to face, 0.8 m apart; the first strikes straight at where a head of a standing body is.
 
     ``place`` is the attacker's ground frame, all else is seen from the victim's. Returns the outcome.
@@ -50,6 +50,8 @@ def pair(glove=AWAY, elbow=AWAY, seen=HEAD, head=HEAD, place=(0.0, 0.0, 0.0), ta
         arms=np.tile(np.stack([elbow, AWAY, glove, AWAY]), (frames, 1, 1)).astype(np.float32),
         ways=np.tile(np.array(way, np.float32), (len(model.ways), 1, 1)),
     )
+    if shield is not None:
+        model = model._replace(shields=np.array([[0, 0, 0, 0], shield], np.float32))
     x, z, turn = place
     avatars = build_avatars(build_crowd(np.zeros(2), np.zeros(2)), model)
     victim = x + REACH * math.sin(turn), z + REACH * math.cos(turn), turn + math.pi
@@ -65,9 +67,9 @@ def pair(glove=AWAY, elbow=AWAY, seen=HEAD, head=HEAD, place=(0.0, 0.0, 0.0), ta
     end = x + (REACH - 0.05) * math.sin(turn), 1.6, z + (REACH - 0.05) * math.cos(turn)
     thrown = Strike(0, int(avatars.motion["action"][0]), opponent, end, (end[0], end[2]), 1.0, False)
     outcome, point = judge(model, avatars, targets, Now(1, 1, 2), 0, thrown)
-    if outcome == BLOCKED:
+    if outcome == BLOCKED and shield is None:
         assert_on_arm(np.array(point), glove, elbow, victim)
-    else:
+    elif outcome != BLOCKED:
         assert tuple(point) == end
     return outcome
 
@@ -172,3 +174,13 @@ def test_the_outcome_does_not_depend_on_storage_or_stages():
         for search, order in (("auto", None), ("kd_tree", None), ("auto", np.arange(12)[::-1]))
     ]
     assert runs[0].outcome.tobytes() == runs[1].outcome.tobytes() == runs[2].outcome.tobytes()
+
+
+def test_a_shield_blocks_what_the_glove_beside_it_lets_through():
+    beside = at(0.2, 1.6, 0.3)
+    assert pair(glove=beside, elbow=at(0.4, 1.2, 0.3)) == LANDED
+    assert pair(glove=beside, elbow=at(0.4, 1.2, 0.3), shield=(0, 0, 0.25, 0)) == BLOCKED
+    assert pair(glove=beside, elbow=at(0.4, 1.2, 0.3), shield=(0, 0, 0, 0.25)) == LANDED
+    # On the forearm, which is further away.
+    assert pair(glove=at(0.4, 1.4, 0.3), elbow=at(0.4, 1.8, 0.3), shield=(0.3, 0, 0, 0)) == LANDED
+    assert pair(glove=at(0.25, 1.4, 0.3), elbow=at(0.25, 1.8, 0.3), shield=(0.3, 0, 0, 0)) == BLOCKED

@@ -11,11 +11,12 @@ STEPS = 6
 
 
 @kernel(inline=True)
-def meet_guard(model, avatars, i, thrown, body, stands):
+def meet_guard(model, avatars, i, j, thrown, body, stands):
     """Return whether a strike on its way meets an arm of the victim before it is in head or torso, and where it does.
 
-    The arms are as they are when the strike reaches furthest. It meets one where the middle of the fist or foot comes
-    through the surface of forearm or glove: what only grazes them goes on. Where it meets none is where it ends.
+    The arms are as they are when the strike reaches furthest; those of avatar ``j`` with a shield are as thick as that.
+    It meets one where the middle of the fist or foot comes through the surface of forearm or glove: what only grazes
+    them goes on. Where it meets none is where it ends.
     """
     frame, x, z, size, cos, sin, policy, width = stands
     forearm, glove = model.sizes[policy].forearm_radius * width, model.sizes[policy].glove_radius * size
@@ -26,12 +27,18 @@ def meet_guard(model, avatars, i, thrown, body, stands):
     way, own = model.ways[thrown.strike], avatars.playback[i].scale
     first = _way_point(model, avatars, i, thrown, way, own, 0)
     middle = _way_point(model, avatars, i, thrown, way, own, 1)
+    left_arm, right_arm, left_glove, right_glove = forearm, forearm, glove, glove
+    if model.shields.shape[0] > 0:
+        shield = model.shields[avatars.number[j]]
+        left_arm, right_arm = max(forearm, size * shield[0]), max(forearm, size * shield[1])
+        left_glove, right_glove = max(glove, size * shield[2]), max(glove, size * shield[3])
     # Most strikes that land come nowhere near an arm.
-    reach = 1.0001 * max(forearm, glove) * max(forearm, glove)
-    left = square_between(first, middle, left_elbow, left_fist) <= reach
-    left |= square_between(middle, thrown.point, left_elbow, left_fist) <= reach
-    right = square_between(first, middle, right_elbow, right_fist) <= reach
-    right |= square_between(middle, thrown.point, right_elbow, right_fist) <= reach
+    left_reach = 1.0001 * max(left_arm, left_glove) * max(left_arm, left_glove)
+    right_reach = 1.0001 * max(right_arm, right_glove) * max(right_arm, right_glove)
+    left = square_between(first, middle, left_elbow, left_fist) <= left_reach
+    left |= square_between(middle, thrown.point, left_elbow, left_fist) <= left_reach
+    right = square_between(first, middle, right_elbow, right_fist) <= right_reach
+    right |= square_between(middle, thrown.point, right_elbow, right_fist) <= right_reach
     if not left and not right:
         return False, thrown.point
     for step in range(1, 2 * STEPS + 1):
@@ -42,9 +49,9 @@ def meet_guard(model, avatars, i, thrown, body, stands):
         py = start[1] + t * (end[1] - start[1])
         pz = start[2] + t * (end[2] - start[2])
         point = (px, py, pz)
-        if left and _is_in_arm(point, left_elbow, left_fist, forearm, glove):
+        if left and _is_in_arm(point, left_elbow, left_fist, left_arm, left_glove):
             return True, point
-        if right and _is_in_arm(point, right_elbow, right_fist, forearm, glove):
+        if right and _is_in_arm(point, right_elbow, right_fist, right_arm, right_glove):
             return True, point
         if _is_in_body(point, body):
             return False, thrown.point

@@ -88,7 +88,7 @@ def judge(model, avatars, targets, now, i, thrown):
         stands = standing(model, avatars, j, thrown.share)
         body = posed_body(model, stands)
         if _hits(thrown, body, tolerance):
-            blocked, point = meet_guard(model, avatars, i, thrown, body, stands)
+            blocked, point = meet_guard(model, avatars, i, j, thrown, body, stands)
             return BLOCKED if blocked else LANDED, point
     if frame < 0.0 or not _is_near(thrown, x, z, far):
         return MISSED, thrown.point
