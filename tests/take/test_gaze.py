@@ -144,7 +144,7 @@ def test_avatars_near_by_look_at_one_that_falls_and_back() -> None:
     assert looks[:80].max() < 0.02
     assert looks.max() > np.radians(20.0)
     assert (looks > 0.5 * looks.max()).sum() > 45
-    assert looks[-40:].max() < 0.02
+    assert looks[-12:].max() < 0.02
     # Neither those that take part, nor one that is far away.
     assert turns[:, 1:].max() < 0.02
 
