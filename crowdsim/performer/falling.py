@@ -115,7 +115,7 @@ def fall_over(
 
 
 def _rest_height(body: Body, skeleton: Skeleton, hips: Array, rotations: Array) -> Array:
-    """Return the least height of the pelvis at which trunk, head, shoulders and hips are out of the floor [m]. Shape (F,)."""
+    """Return the least height of the pelvis at which trunk, head and limb roots are above the floor [m]. Shape (F,)."""
     positions, turned = forward_kinematics(skeleton, hips, rotations)
     least = [
         positions[:, joint, 1] + quat.rotate(turned[:, joint], end)[:, 1] - radius

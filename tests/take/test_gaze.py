@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from take.synthetic_take import actions, build_take, database, sampler
 
+from crowdsim.crowd.events import Events
 from crowdsim.poses.facing import face_direction
 from crowdsim.poses.layers.gaze import MOST
 from crowdsim.poses.sampler import Poses
@@ -104,3 +105,49 @@ def test_turns_of_a_stretch_are_those_of_the_whole_and_fade_with_distance() -> N
     np.testing.assert_array_equal(part, whole[9:21, :1])
     assert (whole[:, 0] != 0.0).any()
     assert (whole[:, 1] == 0.0).all()
+
+
+def falling_scene(blows: list[tuple[float, int, int, bool]]) -> tuple[Take, object]:
+    """Four avatars that stand still, the last at a distance: strikes are frame, attacker, victim, whether it fells."""
+    first, lengths = actions(1, longest=1)
+    places = [(0.0, 0.0, 0.0), (-1.5, 1.5, 0.0), (-2.0, 2.5, 0.0), (0.0, 7.0, 0.0)]
+    take, policy = build_take([[0]] * 4, first, lengths, 60, speeds=[0.001] * 4, start=places)
+    frame, attacker, victim, down = (np.array(column) for column in zip(*blows, strict=True))
+    count = len(blows)
+    events = Events(
+        frame=frame.astype(np.float32),
+        attacker=attacker.astype(np.int32),
+        victim=victim.astype(np.int32),
+        hand=np.zeros(count, np.uint8),
+        point=np.zeros((count, 3), np.float32),
+        speed=np.full(count, 5.0, np.float32),
+        landed=np.ones(count, bool),
+        down=down.astype(bool),
+    )
+    return replace(take, opponent=np.full((60, 4), -1, np.int32), events=events), policy
+
+
+def turned(blows: list[tuple[float, int, int, bool]]) -> np.ndarray:
+    """How far each head turns for some blows, against the same blows without a fall [rad]. Shape (F, 4)."""
+    body = database().body
+    found = []
+    for some in (blows, [(*blow[:3], False) for blow in blows]):
+        take, policy = falling_scene(some)
+        poses = sampler(take, policy).sample(0, 230, 60)[0]
+        found.append(faces(poses, body.roles["head"], face_direction(body)))
+    return np.abs(np.angle(np.exp(1j * (found[0] - found[1]))))
+
+
+def test_avatars_near_by_look_at_one_that_falls_and_back() -> None:
+    turns = turned([(20.0, 2, 1, True)])
+    looks = turns[:, 0]
+    assert looks[:80].max() < 0.02
+    assert looks.max() > np.radians(20.0)
+    assert (looks > 0.5 * looks.max()).sum() > 45
+    assert looks[-12:].max() < 0.02
+    # Neither those that take part, nor one that is far away.
+    assert turns[:, 1:].max() < 0.02
+
+
+def test_avatars_that_exchange_blows_do_not_look_at_others_that_fall() -> None:
+    assert turned([(20.0, 2, 1, True), (35.0, 3, 0, False)]).max() < 0.02

@@ -1,4 +1,4 @@
-"""Heads turn towards opponents, within what necks allow, at each control frame of a take."""
+"""Heads turn towards opponents and avatars that fall, within what necks allow, at each control frame of a take."""
 
 from __future__ import annotations
 
@@ -28,6 +28,12 @@ _SMOOTH = np.hanning(2 * _SPREAD + 3)[1:-1] / (_SPREAD + 1)
 MOST, _SOFT = np.deg2rad(75.0), np.deg2rad(30.0)
 """Angle between chest and head about the vertical up to which heads are turned, and range over which they ease into it
 [rad]."""
+_SEES = 4.0
+"""Distance up to which avatars look at one that falls [m]."""
+_WAITS, _LOOKS, _TURNS = 0.25, 1.6, 0.3
+"""How long after the blow they begin, how long they look, and in which time they turn to it and back [s]."""
+_BUSY = 0.1
+"""How long before and after that an avatar throws and takes no blow that looks [s]."""
 _FREE = np.deg2rad(8.0)
 """Angle off the opponent that heads keep from the motion [rad]."""
 _BEHIND = np.deg2rad(120.0)
@@ -44,6 +50,56 @@ def build_gaze(motion: PoseMotion) -> Gaze:
     return Gaze(np.asarray(skeleton.parents, dtype=np.int64), chain, shares)
 
 
+class Falls:
+    """Falls of a take that others look at, if they do not exchange blows themselves meanwhile.
+
+    Args:
+        take: The take.
+    """
+
+    def __init__(self, take: TakeData) -> None:
+        events, rate = take.events, take.control_rate
+        down = np.asarray(events.down, bool)
+        times, victims = np.asarray(events.frame, float), np.asarray(events.victim)
+        attackers = np.asarray(events.attacker)
+        self._times, self._victims = times[down], victims[down]
+        self._busy: list[Array] = []
+        order = np.argsort(times, kind="stable")
+        for time in self._times:
+            first, last = np.searchsorted(times[order], (time - _BUSY * rate, time + (_LOOKS + _BUSY) * rate))
+            some = order[first:last]
+            self._busy.append(np.unique(np.concatenate([attackers[some], victims[some]])))
+
+    def turn_to(self, take: TakeData, first: int, stop: int, avatars: Array, ways: Array) -> None:
+        """Turn the ways that avatars (n,) look at control frames ``first`` to ``stop`` to those that fall, in place.
+
+        Args:
+            take: The take.
+            first: First control frame.
+            stop: One past the last.
+            avatars: Numbers of avatars.
+            ways: Directions, x and z. Shape (stop - first, n, 2).
+        """
+        rate = take.control_rate
+        lasts = (_WAITS + _LOOKS) * rate
+        for k in np.flatnonzero((self._times > first - lasts) & (self._times < stop)):
+            begin = self._times[k] + _WAITS * rate
+            rows = np.arange(max(first, int(np.ceil(begin))), min(stop, int(begin + _LOOKS * rate) + 1))
+            free = np.flatnonzero(~np.isin(avatars, self._busy[k]))
+            if not len(rows) or not len(free):
+                continue
+            low, high = int(rows[0]), int(rows[-1]) + 1
+            x, z = (np.asarray(values[low:high], dtype=float) for values in (take.x, take.z))
+            victim = int(self._victims[k])
+            towards = np.stack([x[:, victim, None] - x[:, avatars[free]], z[:, victim, None] - z[:, avatars[free]]], -1)
+            far = np.linalg.norm(towards, axis=-1)
+            inside = np.minimum(rows - begin, begin + _LOOKS * rate - rows) / (_TURNS * rate)
+            share = ease(inside)[:, None] * (np.isfinite(far) & (far < _SEES) & (far > 1e-6))
+            mixed = ways[low - first : high - first, free]
+            aim = np.where(share[..., None] > 0.0, towards / np.maximum(far, 1e-6)[..., None], 0.0)
+            ways[low - first : high - first, free] = mixed + share[..., None] * (aim - mixed)
+
+
 class HeadTurns(Layer):
     """Turns heads towards opponents."""
 
@@ -54,6 +110,7 @@ class HeadTurns(Layer):
     def __init__(self, poser: Scheduler) -> None:
         super().__init__(poser)
         take = poser.take
+        self._falls = Falls(take)
         self._gazes = [build_gaze(motion) for motion in poser.motions]
         self.turns = Kept(take.frame_count, take.control_rate, take.avatar_count, (), self._find)
 
@@ -75,6 +132,7 @@ class HeadTurns(Layer):
         take, first, stop = self.poser.take, int(frames[0]), int(frames[-1]) + 1
         low, high = max(first - _SPREAD, 0), min(stop + _SPREAD, take.frame_count)
         ways = _ways(take, low, high, avatars)
+        self._falls.turn_to(take, low, high, avatars, ways)
         sizes = np.linalg.norm(ways, axis=-1)
         action, done, heading = (
             np.asarray(values[low:high])[:, avatars] for values in (take.action, take.action_frame, take.heading)
