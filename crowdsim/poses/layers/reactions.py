@@ -72,7 +72,7 @@ class Reactions(Layer):
     """Blows throw heads back, fold trunks and push pelvises."""
 
     name = "reactions"
-    size = 0.6
+    size = 0.8
     reading = 0.2
     needs = ("separation",)
     looks = (ROUNDS + 1) * LENGTH + _KICK, RISE
