@@ -43,6 +43,8 @@ the side, with avatars, time and figure. The JSON document has a group for each 
   opponent and more than 90 off; `hits_from_behind_share` of landed strikes from over 120 degrees off the front of the
   victim's pelvis; `turned_to_attacker_share` of these after which the head faces the attacker within 1 s.
 - `reactions`: how far hits move heads and feet, beside unhit moments. See `_exported/reactions.py`.
+- `blows`: what blows do by their impulse: heads, pelvises, trunks, guards, strikes thrown afterwards. See
+  `_exported/blows.py`.
 - `variety`: repeated motion, the same source among neighbours, the same strikes at once, stillness. See
   `_exported/variety.py`.
 
@@ -63,6 +65,7 @@ from typing import Any
 import numpy as np
 from _exported.accelerations import measure_accelerations
 from _exported.arms import measure_strikes
+from _exported.blows import measure_blows
 from _exported.bodies import measure_bodies
 from _exported.calm import undisturbed
 from _exported.capsules import find_contacts
@@ -107,6 +110,7 @@ def measure(folder: Path, run: ExportedRun, seconds: float) -> dict[str, Any]:
         "jumps": measure_jumps(run),
         "gaze": measure_gaze(run),
         "reactions": measure_reactions(run),
+        "blows": measure_blows(run),
         "variety": measure_variety(run),
         "transition_classifier": classify_transitions(run, seconds),
         "inspect": json.loads(crowdsim("inspect", str(folder), "--json")),

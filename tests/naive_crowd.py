@@ -17,9 +17,11 @@ from crowdsim.crowd.kernels.intents import CLOSEST, SHYNESS
 from crowdsim.crowd.kernels.layout import BLOCKED, FORESEEN, LANDED
 from crowdsim.crowd.kernels.observe import AT_HAND, WALKS
 from crowdsim.crowd.kernels.opponents import AVERTED, BEHIND, ENGAGED, HIT, REMEMBERED
+from crowdsim.crowd.kernels.resolve import FOOT
+from crowdsim.crowd.kernels.resolve import GUARDED as LET_THROUGH
 from crowdsim.crowd.kernels.shown_motion import CELL, LATEST
 from crowdsim.crowd.kernels.terms import variety
-from crowdsim.crowd.kernels.terms.collision_avoidance import BYSTANDERS, HALTED, STAGGER, STEP
+from crowdsim.crowd.kernels.terms.collision_avoidance import BYSTANDERS, FURTHEST, HALTED, LIGHT, PUSHED, STEP
 from crowdsim.crowd.kernels.terms.facing import FROM, THRONG, TURNED
 from crowdsim.crowd.kernels.terms.facing import NEAR as FACED
 from crowdsim.crowd.kernels.terms.guard import DROPPED
@@ -28,6 +30,7 @@ from crowdsim.crowd.kernels.terms.stance import ASTRAY
 from crowdsim.crowd.kernels.terms.stillness import BESIDE, CALM, FACING
 from crowdsim.crowd.kernels.terms.strikes import AIM, AIMED, AWAY, BOLDNESS, NEAR, REST, SET_UP, SHORT
 from crowdsim.crowd.kernels.terms.strikes import AT_HAND as REACHED
+from crowdsim.crowd.kernels.terms.stunned import LONGEST, STUNS
 from crowdsim.crowd.kernels.vetoes.crossed_legs import CROSSED
 from crowdsim.crowd.kernels.vetoes.same_strike import TOGETHER, TWICE
 from crowdsim.crowd.kernels.vetoes.strike_at_air import AIR
@@ -274,10 +277,12 @@ def note_hits(strikes, avatars, frame):
     """Those who are hit, or block, remember whom: of several by the strongest, of equals by the lowest number."""
     found = {}
     for strike in strikes:
-        attacker, victim, outcome = strike[1], strike[2], strike[8]
+        attacker, victim, limb, outcome = *strike[1:4], strike[8]
         if outcome in (LANDED, BLOCKED) and victim >= 0:
             strong = np.percentile(avatars[attacker].policy.database.strike_speeds.astype(float), STRONG)
-            found.setdefault(victim, []).append((-strike[7] / strong, attacker))
+            mass = (FOOT if limb >= 2 else 1.0) * avatars[attacker].scale ** 3
+            share = LET_THROUGH if outcome == BLOCKED else 1.0
+            found.setdefault(victim, []).append((-strike[7] / strong * mass * share, attacker))
     for victim, hits in found.items():
         strength, attacker = min(hits)
         one, other = avatars[victim], avatars[attacker]
@@ -340,7 +345,8 @@ def decide(one, avatars, crowd, targets, frame, marks):
         values = action_values(policy, weights, state, seen, turned / (one.scale * one.speed), lasts * one.speed)
     for k, action in enumerate(choices):
         values[k] -= crowding(one, action, mine, [avatars[j] for j in near], positions, crowd, opponent)
-        values[k] += crowd.crowding.back * stepping_back(one, action, mine, frame)
+        values[k] += crowd.crowding.back * giving_way(one, action, mine, frame)
+        values[k] -= crowd.crowding.stunned * strikes_while_stunned(one, action, frame)
     counts, apart = np.diff(actions.strike_offsets)[list(choices)], crowd.crowding.end > 0
     if opponent >= 0 and crowd.varieties[one.cohort] > 0:
         far = math.hypot(seen[0], seen[2])
@@ -539,14 +545,23 @@ def space_of(policy):
     return min(1.0, np.median(np.hypot(*policy.database.strike_positions.astype(float).T[[0, 2]])) / FULL_REACH)
 
 
-def stepping_back(one, action, mine, frame):
-    """How far an action leads away from a strong hit, less what is more than a step."""
-    strength = np.hypot(*one.hit)
-    if frame - one.hit_frame > STAGGER or strength < 1.0:
+def giving_way(one, action, mine, frame):
+    """How far an action leads where a hit pushes an avatar, less what is more than it still does."""
+    strength, since = np.hypot(*one.hit), frame - one.hit_frame
+    if since > PUSHED or strength < LIGHT:
         return 0.0
+    far = min(STEP * strength**2, FURTHEST) * (1.0 - since / (PUSHED + 1))
     end = ground.compose(mine, one.policy.actions.displacements[action] * [one.scale, one.scale, 1.0])
     along = float((end - mine)[:2] @ one.hit) / strength
-    return STEP - abs(STEP - along)
+    return far - abs(far - along)
+
+
+def strikes_while_stunned(one, action, frame):
+    """How many strikes an action throws before its avatar has recovered from a hit."""
+    left = min(STUNS * np.hypot(*one.hit), LONGEST) - (frame - one.hit_frame)
+    offsets = one.policy.actions.strike_offsets[action : action + 2]
+    times = one.policy.actions.strike_times[slice(*offsets)].astype(np.float32)
+    return int(np.count_nonzero(times < left * one.speed)) if left > 0.0 else 0
 
 
 def pick(values, one, crowd):

@@ -16,8 +16,8 @@ PELVIS, NECK, HEAD, HAND, FOOT = 0, 2, 3, 6, 9
 def benchmark_modules(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """The modules of the benchmark."""
     monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "benchmarks"))
-    names = ("run", "capsules", "bodies", "arms", "accelerations", "jumps", "gaze", "reactions", "variety", "goals",
-             "calm", "witness", "witness_source", "table")  # fmt: skip
+    names = ("run", "capsules", "bodies", "arms", "accelerations", "jumps", "gaze", "reactions", "blows", "variety",
+             "goals", "calm", "witness", "witness_source", "table")  # fmt: skip
     return SimpleNamespace(**{name: importlib.import_module(f"_exported.{name}") for name in names})
 
 
@@ -83,7 +83,11 @@ def make_run(modules: SimpleNamespace, figures: list[Any], strikes: list[tuple[A
         scales=np.ones(count), speeds=np.ones(count), fps=FPS, frames=np.tile(np.arange(float(frames)), (count, 1)),
         decisions=[np.zeros((0, 3))] * count,
         opponents=np.tile(np.array([[1], [0]] + [[0]] * (count - 2))[:count], (1, frames)),
-        events={**dict(zip(names, columns, strict=True)), "blocked": np.zeros(len(columns[0]), bool)},
+        events={
+            **dict(zip(names, columns, strict=True)),
+            "blocked": np.zeros(len(columns[0]), bool),
+            "speed": np.full(len(columns[0]), 6.0),
+        },
     )  # fmt: skip
     return replace(run, **changes)
 

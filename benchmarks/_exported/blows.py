@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from _exported.plain_bvh import Array
-from _exported.reactions import strike_way, unhit_moment
+from _exported.reactions import hits_body, strike_way, unhit_moment
 from _exported.run import PELVIS, ExportedRun, Strike, worst_moments
 from _exported.witness import JOINTS, Figure, unit
 
@@ -54,17 +54,6 @@ def fastest(run: ExportedRun, strike: Strike) -> float:
 def strikes_of(run: ExportedRun, rows: Array) -> list[Strike]:
     """Return strikes by their rows of events."""
     return [Strike(*(run.events[name][row].item() for name in Strike.__dataclass_fields__)) for row in rows]
-
-
-def hits_body(run: ExportedRun, strike: Strike) -> bool:
-    """Return whether a strike is nearer to the victim's torso than to its head."""
-    frame, body, size = round(strike.seconds * run.fps), run.figures[strike.victim], run.scales[strike.victim]
-    attacker = run.figures[strike.attacker]
-    fist = attacker.fists[frame, strike.limb] if strike.limb < 2 else attacker.soles[frame, strike.limb - 2, 1]
-    low, axis = body.joints[frame, PELVIS], body.joints[frame, NECK] - body.joints[frame, PELVIS]
-    share = np.clip(np.dot(fist - low, axis) / max(float(np.dot(axis, axis)), 1e-12), 0.0, 1.0)
-    to_torso = np.linalg.norm(fist - low - share * axis) - run.sizes.torso_radius * size
-    return bool(to_torso < np.linalg.norm(fist - body.head[frame]) - run.sizes.head_radius * size)
 
 
 def head_peaks(figure: Figure, frame: int, fps: float) -> tuple[float, float]:

@@ -1,10 +1,11 @@
 """What hits do to those that they land on, from BVH files.
 
-Displacements are level and along the strike: the way that the fist goes over ``SWING`` seconds before the hit.
-``raw`` is how far the victim's head moves; ``over_unhit`` is how much further than in the source motion that the victim
-was playing, going on without the hit. ``unhit`` are the same two at a time at which nothing hits the victim, along the
-same way as seen from attacker to victim: what is found without any reaction. The lean is the head's position over the
-pelvis, less that in the source frame that is played at the time.
+Displacements are of hits to the head, level and along the strike: the way that the fist goes over ``SWING`` seconds
+before the hit. Hits to the body fold the trunk over what hits it, see ``blows.py``. ``raw`` is how far the victim's
+head moves; ``over_unhit`` is how much further than in the source motion that the victim was playing, going on without
+the hit. ``unhit`` are the same two at a time at which nothing hits the victim, along the same way as seen from attacker
+to victim: what is found without any reaction. The lean is the head's position over the pelvis, less that in the source
+frame that is played at the time.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ STRONG = 0.75
 CLEAR = 1.2
 """Time before and after an unhit moment in which nothing hits [s]."""
 FEET = [JOINTS.index(name) for name in ("left_foot", "right_foot")]
+NECK = JOINTS.index("neck")
 HIPS = [JOINTS.index(name) for name in ("left_hip", "right_hip")]
 
 
@@ -40,6 +42,17 @@ def strike_way(run: ExportedRun, strike: Strike) -> tuple[Array, float]:
     before = max(frame - max(round(SWING * run.fps), 1), 0)
     moved = path[frame] - path[before]
     return unit(moved * [1.0, 0.0, 1.0]), float(np.linalg.norm(moved)) * run.fps / max(frame - before, 1)
+
+
+def hits_body(run: ExportedRun, strike: Strike) -> bool:
+    """Return whether a strike is nearer to the victim's torso than to its head."""
+    frame, body, size = round(strike.seconds * run.fps), run.figures[strike.victim], run.scales[strike.victim]
+    attacker = run.figures[strike.attacker]
+    fist = attacker.fists[frame, strike.limb] if strike.limb < 2 else attacker.soles[frame, strike.limb - 2, 1]
+    low, axis = body.joints[frame, PELVIS], body.joints[frame, NECK] - body.joints[frame, PELVIS]
+    share = np.clip(np.dot(fist - low, axis) / max(float(np.dot(axis, axis)), 1e-12), 0.0, 1.0)
+    to_torso = np.linalg.norm(fist - low - share * axis) - run.sizes.torso_radius * size
+    return bool(to_torso < np.linalg.norm(fist - body.head[frame]) - run.sizes.head_radius * size)
 
 
 def across_angle(figure: Figure, frame: int) -> float:
@@ -111,7 +124,8 @@ def measure_reactions(run: ExportedRun) -> dict[str, Any]:
     """Return displacements of heads and feet after hits, beside those of unhit moments."""
     last = run.count - round(max(STEP_TIME, *CURVE) * run.fps) - 1
     hits = [hit for hit in run.strikes() if hit.landed and round(hit.seconds * run.fps) <= last]
-    if not hits:
+    to_head = np.array([not hits_body(run, hit) for hit in hits], bool)
+    if not to_head.any():
         return {"hits": 0}
     ways = [strike_way(run, hit) for hit in hits]
     strong = np.array([speed for _, speed in ways])
@@ -129,11 +143,12 @@ def measure_reactions(run: ExportedRun) -> dict[str, Any]:
         if calm is not None:
             unhit.append(head_displacements(run, hit.victim, *calm))
             unhit_steps.append(foot_step(figure, calm[0], run.fps, calm[1]))
-    shown, far = np.array(moved), np.array(steps)
-    curve = np.median(leans, axis=0)
+    shown, far = np.array(moved)[to_head], np.array(steps)
+    curve = np.median(np.array(leans)[to_head], axis=0)
     columns = {name: np.array([getattr(hit, name) for hit in hits]) for name in ("victim", "attacker")}
     return {
         "hits": len(hits),
+        "to_the_head": int(to_head.sum()),
         "raw": _shares(shown[:, 0]),
         "over_unhit": _shares(shown[:, 1]),
         "unhit": {"moments": len(unhit), **{
@@ -146,7 +161,8 @@ def measure_reactions(run: ExportedRun) -> dict[str, Any]:
         "step_share_unhit": float(np.mean(np.array(unhit_steps) > STEP)) if unhit else None,
         "step_median_unhit": float(np.median(unhit_steps)) if unhit else None,
         "moments": worst_moments(
-            -shown[:, 1], columns["victim"], np.array(frames), run.fps, other=columns["attacker"]
+            -shown[:, 1], columns["victim"][to_head], np.array(frames)[to_head], run.fps,
+            other=columns["attacker"][to_head],
         ),
     }  # fmt: skip
 

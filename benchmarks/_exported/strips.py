@@ -68,6 +68,7 @@ KINDS = (
     Kind("gaze", ("gaze", "moments"), 0.8, 0.8, 1.0, "degrees"),
     Kind("behind", ("gaze", "behind_moments"), 0.2, 1.0, 1.0, "degrees"),
     Kind("reactions", ("reactions", "moments"), 0.1, 0.7, 100.0, "cm towards the fist"),
+    Kind("blows", ("blows", "moments"), 0.1, 0.9, 1.0, "kg m/s that do not show"),
     Kind("equal_strikes", ("variety", "moments"), 0.4, 0.4, 1.0, "s apart"),
 )
 

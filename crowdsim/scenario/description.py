@@ -95,7 +95,11 @@ class Description(StrictModel):
         default=True,
         description="Whether avatars avoid collisions; else they walk through one another.",
     )
-    reactions: bool = Field(default=True, description="Whether avatars react to strikes that land on them.")
+    reactions: bool = Field(
+        default=True,
+        description="Whether strikes that land move those whom they hit, push them back and stun them, by their "
+        "impulse.",
+    )
     until: End | None = Field(
         default=None,
         description="What ends the run before its duration: `last_standing` (one avatar is left that is not down for "

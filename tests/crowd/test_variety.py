@@ -6,11 +6,12 @@ from avatar_fields import fields, set_fields
 from synthetic_policy import policy
 
 from crowdsim.crowd.crowd import Crowding, build_avatars, build_crowd
-from crowdsim.crowd.kernels.layout import LANDED, MISSED
+from crowdsim.crowd.kernels.layout import BLOCKED, LANDED, MISSED
 from crowdsim.crowd.kernels.records import STRIKE
-from crowdsim.crowd.kernels.resolve import note_hits
+from crowdsim.crowd.kernels.resolve import FOOT, GUARDED, note_hits
 from crowdsim.crowd.kernels.shown_motion import LATEST
-from crowdsim.crowd.kernels.terms.collision_avoidance import STAGGER
+from crowdsim.crowd.kernels.terms.collision_avoidance import FURTHEST, LIGHT, PUSHED, STEP, push_left
+from crowdsim.crowd.kernels.terms.stunned import STUNS
 from crowdsim.crowd.model import build_model, strong_speed
 from crowdsim.crowd.simulate import simulate
 from crowdsim.crowd.simulation import Simulation
@@ -21,7 +22,12 @@ POLICIES = [policy(0, frames=240)]
 def run(frames=300, apart=1.0, **fields):
     """Nine avatars on a lattice, who strike at those who look away too; their chunk."""
     z, x = np.divmod(np.arange(9), 3)
-    fields = {"crowding": Crowding(unseen=0.0, wasted=0.0), "temperature": 0.3, "margin": 1.0, **fields}
+    fields = {
+        "crowding": Crowding(unseen=0.0, wasted=0.0, back=0.0, stunned=0.0),
+        "temperature": 0.3,
+        "margin": 1.0,
+        **fields,
+    }
     people = build_crowd(apart * x, apart * z, x - z, seed=1, **fields)
     (chunk,) = simulate(replace(people, policies=POLICIES), frames, chunk=frames)
     return chunk
@@ -90,10 +96,48 @@ def test_of_several_hits_in_a_frame_the_strongest_counts(order):
     np.testing.assert_allclose(fields(avatars, "hit_x hit_z", 0), [0.0, -1.2], atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("limb", "outcome", "scale", "strength"),
+    [(0, LANDED, 1.0, 1.0), (2, LANDED, 1.0, FOOT), (0, BLOCKED, 1.0, GUARDED), (1, LANDED, 1.1, 1.1**3)],
+)
+def test_a_hit_is_as_strong_as_its_impulse(limb, outcome, scale, strength):
+    people = build_crowd([0.0, 1.0], [0.0, 0.0])
+    cast = replace(people.cast, scales=np.array([1.0, scale]))
+    model = build_model(POLICIES)
+    avatars = build_avatars(replace(people, cast=cast), model)
+    strikes = np.zeros(1, STRIKE)
+    strikes["attacker"], strikes["limb"], strikes["outcome"] = 1, limb, outcome
+    strikes["speed"] = strong_speed(POLICIES[0])
+    note_hits(model, avatars, 7, strikes, 0, 1)
+    np.testing.assert_allclose(fields(avatars, "hit_x hit_z", 0), [-strength, 0.0], atol=1e-12)
+
+
+def test_a_hit_stuns_for_longer_the_stronger_it_is():
+    rng = np.random.default_rng(1)
+    count = 300
+    # Pairs that fight at arm's length: without a hit some of them strike.
+    x, z = 10.0 * np.repeat(np.arange(count // 2), 2), np.tile([0.0, 0.9], count // 2)
+    people = build_crowd(x, z, np.tile([0.0, np.pi], count // 2) + rng.uniform(-0.2, 0.2, count), temperature=0.3,
+                         margin=1.0, crowding=replace(Crowding.none(), stunned=4.0))  # fmt: skip
+
+    def thrown(strength, ago, stunned=4.0):
+        one = Simulation(replace(people, policies=POLICIES, crowding=replace(people.crowding, stunned=stunned)))
+        set_fields(one.avatars, "hit_x hit_z hit_frame", slice(None), [[strength], [0.0], [-1 - ago]])
+        chunk = one.run(1)
+        return np.diff(POLICIES[0].actions.strike_offsets)[chunk.action[0]].sum()
+
+    usual = thrown(0.0, 0)
+    assert usual > 20
+    assert thrown(1.0, 0) < 0.2 * usual
+    assert thrown(0.4, 8) == thrown(1.0, STUNS) == thrown(1.5, 0, stunned=0.0) == usual
+    assert thrown(1.0, 8) < usual
+
+
 def test_a_strong_hit_costs_a_step():
     rng = np.random.default_rng(0)
     x, z = rng.uniform(-90, 90, (2, 300))
-    people = build_crowd(x, z, rng.uniform(-3, 3, 300), temperature=0.0, crowding=Crowding(wasted=0.0))
+    people = build_crowd(x, z, rng.uniform(-3, 3, 300), temperature=0.0,
+                         crowding=Crowding(wasted=0.0, stunned=0.0))  # fmt: skip
 
     def moved(strength, frame):
         simulation = Simulation(replace(people, policies=POLICIES))
@@ -103,8 +147,23 @@ def test_a_strong_hit_costs_a_step():
         ways = fields(avatars, "end_x end_z") - fields(avatars, "x z")
         return 0.6 * ways[0] + 0.8 * ways[1]
 
-    assert np.mean(moved(1.1, -1) - moved(0.9, -1)) > 0.02
-    assert np.array_equal(moved(0.9, -1), moved(2.0, -1 - STAGGER))
+    weak, strong = moved(0.5 * LIGHT, -1), moved(0.8, -1)
+    assert np.mean(strong - weak) > 0.01
+    assert np.array_equal(weak, moved(2.0, -1 - PUSHED))
+
+
+def test_a_hit_pushes_further_the_stronger_it_is_and_less_as_time_passes():
+    avatars = build_avatars(build_crowd([0.0], [0.0]), build_model(POLICIES))
+
+    def left(strength, since):
+        set_fields(avatars, "hit_x hit_z hit_frame", slice(None), [[0.6 * strength], [0.8 * strength], [10.0]])
+        return push_left(avatars, 10 + since, 0)
+
+    assert left(1.0, 0) == pytest.approx(STEP)
+    assert left(1.2, 0) == pytest.approx(1.44 * STEP)
+    assert left(9.0, 0) == FURTHEST
+    assert left(1.0, 8) == pytest.approx(0.5 * STEP)
+    assert left(0.99 * LIGHT, 0) == left(1.0, PUSHED + 1) == 0.0
 
 
 def test_a_policy_without_strikes_has_no_strong_ones():

@@ -27,10 +27,10 @@ from crowdsim.poses.layer import Layer, Part, Scheduler
 from crowdsim.poses.limbs import chain_of
 from crowdsim.poses.motion import PoseMotion
 
-_TYPICAL_SPEED, _FOOT = 6.2, 2.0
+_TYPICAL_SPEED, _FOOT = 6.6, 2.0
 """Speed of a typical strike [m/s], and the effective mass of a foot over that of a fist."""
-_EVEN, _STEEP, _MOST = (0.02, 0.055), (0.14, 0.1), (0.42, 0.34)
-"""How far a typical blow brings the head, or the neck of one to the torso: whatever its impulse, by the cube of that,
+_EVEN, _STEEP, _MOST = (0.03, 0.06), (0.14, 0.1), (0.44, 0.36)
+"""How far a typical blow brings the head, or the neck of one to the torso: whatever its impulse, by its fourth power,
 and at the most, in a body of scale 1 [m]."""
 _PUSH, _FURTHEST = 0.035, 0.1
 """How far a typical blow pushes the pelvis, by the square of its impulse, and at the most [m]."""
@@ -43,7 +43,7 @@ _SWING, _KICK = 0.05, 0.1
 """Time over which the direction of a fist, and of a foot, is measured [s]."""
 _GIVES = {"spine": (0.13, 0.25), "chest": (0.11, 0.2), "neck": (0.05, -0.1), "head": (0.02, 0.0)}
 """Joints that yield, and by how much in a blow to the head and to the torso [rad]."""
-_LIMITS = {"spine": 0.5, "chest": 0.4, "neck": 0.4, "head": 0.3}
+_LIMITS = {"spine": 0.7, "chest": 0.6, "neck": 0.5, "head": 0.3}
 """How far blows turn them at the most [rad]."""
 
 _LATE = 0.35
@@ -72,7 +72,7 @@ class Reactions(Layer):
     """Blows throw heads back, fold trunks and push pelvises."""
 
     name = "reactions"
-    size = 0.6
+    size = 0.8
     reading = 0.2
     needs = ("separation",)
     looks = (ROUNDS + 1) * LENGTH + _KICK, RISE
@@ -213,7 +213,7 @@ class BlowPlanner:
         gains = gains[np.asarray(self._cast.policies)[near.victims], parts] * hit.sizes
         impulses = near.speeds / _TYPICAL_SPEED * np.asarray(self._cast.scales, dtype=float)[near.attackers] ** 3
         impulses *= np.where(np.isin(near.limbs, LEGS), _FOOT, 1.0) * np.where(near.blocked, GUARDED, 1.0)
-        reaches = np.minimum(np.take(_EVEN, parts) + np.take(_STEEP, parts) * impulses**3, np.take(_MOST, parts))
+        reaches = np.minimum(np.take(_EVEN, parts) + np.take(_STEEP, parts) * impulses**4, np.take(_MOST, parts))
         reaches *= hit.sizes * np.where(near.blocked, GUARDED, 1.0)
         # Up cross direction: rotation about it tips upright vectors in the direction. Trunks fold over what hits them.
         over = np.where(parts == HEAD, 1.0, -1.0)
