@@ -238,7 +238,7 @@ def places_of(targets: Target, vx: ArrayLike, vz: ArrayLike, lasts: float) -> Pl
     columns = targets.x, targets.z, vx, vz, np.sin(targets.heading), np.cos(targets.heading), targets.impact
     shape = np.shape(targets.x)
     rows = [np.ascontiguousarray(np.broadcast_to(one, shape), np.float32) for one in columns]
-    return Places(*rows, lasts=np.float32(lasts))
+    return Places(*[*rows, np.float32(lasts)])
 
 
 def _landed_rewards(actions: Actions, grid: Grid, movement: Movement, packed: Array, log_discount: float) -> Landed:
