@@ -43,6 +43,7 @@ from crowdsim.crowd.script import target_positions
 from crowdsim.crowd.stances import stance_actions
 from crowdsim.motion import ground
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.policy.axes.axis import UNSEEN_STRIKE
 
 
 def once(function):
@@ -340,7 +341,11 @@ def decide(one, avatars, crowd, targets, frame, marks):
         values = -actions.costs[list(choices)].astype(float)
     else:
         weights = {b.name: crowd.weights[one.cohort, k] for k, b in enumerate(policy.behaviours)}
-        seen = np.append(within_grids(policy, ground.to_local(mine, target) / one.scale), faces - mine[2])
+        reaction = crowd.reactions[one.cohort] if len(crowd.reactions) else 0
+        strike, _ = naive_defence.sees(one, opponent, avatars, near, reaction)
+        impact = UNSEEN_STRIKE if strike is None else strike[0] * one.speed
+        place = within_grids(policy, ground.to_local(mine, target) / one.scale)
+        seen = np.array([*place, faces - mine[2], impact])
         turned = ground.to_local([0, 0, mine[2]], np.array([moving[0], 0, moving[1]]))
         values = action_values(policy, weights, state, seen, turned / (one.scale * one.speed), lasts * one.speed)
     for k, action in enumerate(choices):

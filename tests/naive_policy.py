@@ -8,9 +8,12 @@ import numpy as np
 from crowdsim.core.bodies import BEYOND
 from crowdsim.motion import ground
 from crowdsim.policy.actions import Actions
-from crowdsim.policy.environment import HALFWAY, LEAD, fade_factor
+from crowdsim.policy.axes.axis import UNSEEN_STRIKE
+from crowdsim.policy.axes.velocity import KEPT, LASTS
+from crowdsim.policy.environment import HALFWAY, LEAD
 from crowdsim.policy.rewards import (
     WASTED,
+    HitTerm,
     ProximityTerm,
     StrikeTerm,
     TransitionTerm,
@@ -58,22 +61,59 @@ def random_actions(states=12, seed=0, longest=4):
     )
 
 
-def measure(name, target):
-    """What an axis measures of targets: x, y, z and, where it is known, the heading. Shape (..., 3 or 4)."""
-    x, y, z, *heading = np.moveaxis(np.asarray(target, dtype=float), -1, 0)
+NOTHING_ELSE = (0.0, UNSEEN_STRIKE)
+"""Heading of a target, and frames until its strike reaches furthest, where they are not given."""
+
+
+def complete(target):
+    """Targets as x, y, z, heading and frames until a strike reaches furthest. Shape (..., 5)."""
+    target = np.asarray(target, dtype=float)
+    rest = np.array(NOTHING_ELSE[target.shape[-1] - 3 :])
+    return np.concatenate([target, np.broadcast_to(rest, (*target.shape[:-1], len(rest)))], axis=-1)
+
+
+def measure(name, target, moving=(0.0, 0.0, 0.0)):
+    """What an axis measures of targets (..., 3 to 5) that move by ``moving`` (..., 3) in a control frame."""
+    x, y, z, heading, impact = np.moveaxis(complete(target), -1, 0)
+    vx, _, vz = np.moveaxis(np.asarray(moving, dtype=float), -1, 0)
     return {
         "distance": np.hypot(x, z),
         "bearing": np.arctan2(x, z),
         "height": y,
-        "heading": heading[0] if heading else np.zeros_like(x),
+        "heading": heading,
+        "velocity": vx * np.sin(np.arctan2(x, z)) + vz * np.cos(np.arctan2(x, z)),
+        "impact": impact,
     }[name]
 
 
-def corners(grid, target):
+def measured_after(name, before, later, moving, displacement, length):
+    """What an axis measures behind an action of a target that was seen ``before``, and is at ``later`` then."""
+    value = measure(name, before, moving)
+    if name == "heading":
+        return value - displacement[2]
+    if name == "velocity":
+        return value * math.pow(KEPT, length)
+    if name == "impact":
+        return value - length if value > length else UNSEEN_STRIKE
+    return measure(name, later)
+
+
+def corners(grid, target, moving=(0.0, 0.0, 0.0)):
     """Cells around one target and their multilinear weights, which sum to 1. Shapes (2^D,)."""
+    return corners_around(grid, [measure(axis.name, target, moving) for axis in grid.axes])
+
+
+def corners_after(grid, before, later, moving, displacement, length):
+    """The same of one that was seen ``before`` an action, and is at ``later`` behind it."""
+    facts = before, later, moving, displacement, length
+    return corners_around(grid, [measured_after(axis.name, *facts) for axis in grid.axes])
+
+
+def corners_around(grid, values):
+    """The same of what the axes measure."""
     parts = []
-    for axis, stride in zip(grid.axes, grid.strides, strict=True):
-        place = float(axis.places(measure(axis.name, target)))
+    for axis, stride, value in zip(grid.axes, grid.strides, values, strict=True):
+        place = float(axis.places(value))
         if axis.wraps:
             place %= axis.count
             lower = min(int(place), axis.count - 1)
@@ -89,10 +129,14 @@ def corners(grid, target):
     return cells, np.array([math.prod(weight for _, weight in corner) for corner in combined])
 
 
-def seen_after(displacement, target):
-    """A target (3 or 4,) as it is seen from where an action ends."""
-    target = np.asarray(target, dtype=float)
-    return np.concatenate([ground.to_local(displacement, target[:3]), target[3:] - displacement[2]])
+def fade_at(grid, target, moving):
+    """How much a behaviour counts for a target."""
+    factor = 1.0
+    for axis in grid.axes:
+        if axis.fade > 0.0 and not axis.wraps:
+            value = float(measure(axis.name, target, moving))
+            factor *= max(0.0, 1.0 - max(axis.minimum - value, value - axis.maximum, 0.0) / axis.fade)
+    return factor
 
 
 def comes_through(point, origin, head):
@@ -103,8 +147,9 @@ def comes_through(point, origin, head):
 
 
 def action_reward(actions, action, target, terms, body, discount, velocity=(0.0, 0.0), lasts=math.inf):
-    """r(e, a) for a target (3 or 4,) that moves by ``velocity`` in each of ``lasts`` control frames, along x and z."""
+    """r(e, a) for a target (3 to 5,) that moves by ``velocity`` in each of ``lasts`` control frames, along x and z."""
     start, step = np.asarray(target, dtype=float)[:3], np.array([velocity[0], 0.0, velocity[1]])
+    impact = complete(target)[4]
     total = 0.0
     for term in terms:
         if isinstance(term, StrikeTerm):
@@ -130,6 +175,14 @@ def action_reward(actions, action, target, terms, body, discount, velocity=(0.0,
                     gap = math.hypot(gap, max(abs(x) - term.aside, 0.0))
                 values.append(discount**t * math.exp(-abs(gap) / term.sigma))
             total += term.weight * (sum(values) if term.form == "sum" else max(values))
+        elif isinstance(term, HitTerm):
+            t = math.ceil(impact - 0.5)
+            if 1 <= t <= actions.lengths[action]:
+                place = actions.paths[actions.path_offsets[action] + t - 1].astype(float)
+                x, _, z = ground.to_local(place, start + min(t, lasts) * step)
+                near, far = term.distance
+                gap = max(near - math.hypot(x, z), math.hypot(x, z) - far, 0.0)
+                total -= term.weight * discount**t * math.exp(-gap / term.sigma)
         elif isinstance(term, TransitionTerm):
             cost = float(actions.costs[action])
             total -= term.weight * cost + (term.each if cost > 0.0 else 0.0)
@@ -139,7 +192,7 @@ def action_reward(actions, action, target, terms, body, discount, velocity=(0.0,
 
 
 def action_values(policy, weights, state, target, moving=(0.0, 0.0, 0.0), lasts=math.inf):
-    """What each action of a state is worth for a target (3 or 4,) in the avatar's ground frame. Shape (n,).
+    """What each action of a state is worth for a target (3 to 5,) in the avatar's ground frame. Shape (n,).
 
     Values of behaviours are divided by their scale, multiplied by their weight and by how much they count at the
     target, and added (paper, section 5). What a transition costs is in the values of every behaviour that prices it;
@@ -155,7 +208,7 @@ def action_values(policy, weights, state, target, moving=(0.0, 0.0, 0.0), lasts=
         behaviour = policy.behaviour(name)
         if behaviour.scale == 0.0:
             continue
-        factor = weight * fade_factor(behaviour.grid, target) / behaviour.scale
+        factor = weight * fade_at(behaviour.grid, target, moving) / behaviour.scale
         if factor == 0.0:
             continue
         for k, action in enumerate(range(first, end)):
@@ -170,37 +223,48 @@ def action_values(policy, weights, state, target, moving=(0.0, 0.0, 0.0), lasts=
 
 def _action_value(policy, behaviour, state, action, target, moving, lasts):
     """Q(e, a) of one behaviour."""
-    target, moving = np.pad(target, (0, 4 - len(target))), np.append(moving, 0.0)
+    target, here = complete(target), moving
+    moving = np.append(moving, [0.0, 0.0])
     actions, grid = policy.actions, behaviour.grid
     first, n = int(actions.offsets[state]), int(actions.offsets[state + 1] - actions.offsets[state])
     if behaviour.lookup == "q":
         # The table holds targets at rest only: it is read at the position of the target half an action later.
-        cells, shares = corners(grid, target + min(HALFWAY * actions.mean_length, lasts) * moving)
+        # One that sees how the target moves holds that of moving ones.
+        lead = 0.0 if sees_motion(grid) else HALFWAY * actions.mean_length
+        cells, shares = corners(grid, target + min(lead, lasts) * moving, here)
         return float(shares @ behaviour.values(first * grid.cells + cells * n + (action - first)))
     velocity = moving[[0, 2]], lasts
     reward = action_reward(actions, action, target, behaviour.terms, policy.body, behaviour.discount, *velocity)
     # Values are those of a target at rest; an avatar that pursues a moving one must look ahead.
-    moved = target + min(float(actions.lengths[action]) + LEAD * actions.mean_length, lasts) * moving
-    later = seen_after(actions.displacements[action].astype(float), moved)
-    cells, shares = corners(grid, later)
+    length, move = int(actions.lengths[action]), actions.displacements[action].astype(float)
+    lead = 0.0 if sees_motion(grid) else LEAD * actions.mean_length
+    moved = target + min(length + lead, lasts) * moving
+    cells, shares = corners_after(grid, target, ground.to_local(move, moved[:3]), here, move, length)
     value = float(shares @ behaviour.values(int(actions.next[action]) * grid.cells + cells))
     return reward + math.pow(behaviour.discount, int(actions.lengths[action])) * value
+
+
+def sees_motion(grid):
+    """Whether a grid says how the target moves."""
+    return any(axis.name == "velocity" for axis in grid.axes)
 
 
 def value_iteration(actions, grid, terms, body, discount, movement, backup, sweeps):
     """Return Q(a, c), shape (A, cells), after many sweeps, in plain Python and float64."""
     observed = grid.observed()
-    targets = np.stack([observed.x, observed.y, observed.z, observed.heading], axis=-1)
+    targets = np.stack([observed.x, observed.y, observed.z, observed.heading, observed.impact], axis=-1)
     count, cells = len(actions.next), grid.cells
     outcomes = []
     for a, c in itertools.product(range(count), range(cells)):
         length = int(actions.lengths[a])
         here = []
-        for chance, (vx, vz) in zip(movement.probabilities, movement.velocities, strict=True):
-            earned = action_reward(actions, a, targets[c], terms, body, discount, (vx, vz))
-            moved = targets[c] + length * np.array([vx, 0.0, vz, 0.0])
-            later = seen_after(actions.paths[actions.path_offsets[a + 1] - 1].astype(float), moved)
-            here.append((chance, earned, *corners(grid, later)))
+        own, lasts = np.array([observed.vx[c], 0.0, observed.vz[c]]), LASTS if sees_motion(grid) else math.inf
+        for chance, drawn in zip(movement.probabilities, movement.velocities, strict=True):
+            vx, vz = drawn + own[[0, 2]]
+            earned = action_reward(actions, a, targets[c], terms, body, discount, (vx, vz), lasts)
+            end = actions.paths[actions.path_offsets[a + 1] - 1].astype(float)
+            later = ground.to_local(end, targets[c, :3] + min(length, lasts) * np.array([vx, 0.0, vz]))
+            here.append((chance, earned, *corners_after(grid, targets[c], later, own, end, length)))
         outcomes.append(here)
     q = np.zeros((count, cells))
     for _ in range(sweeps):

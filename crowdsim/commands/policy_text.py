@@ -25,7 +25,7 @@ def policy_lines(figures: Figures) -> list[str]:
         lines += section("Region that strikes reach, 5th to 95th percentile", _strikes(figures["strikes"]))
     lines += section("Falls", falls_text(figures.get("falls")))
     for name, behaviour in figures["behaviours"].items():
-        lines += section(f"Behaviour {name}", _behaviour(behaviour))
+        lines += section(f"Behaviour {name}", _behaviour(behaviour, _control_rate(figures["motion"])))
     if figures.get("duel"):
         lines += section("Five one-minute duels with itself, mean", duel_text(figures["duel"]))
     return lines + section("Training", _training(figures["timings"]))
@@ -51,11 +51,16 @@ def _motion(motion: Figures) -> list[Row]:
     ]
 
 
+def _control_rate(motion: Figures) -> float:
+    """Return control frames per second."""
+    return float(motion["frames"] / motion["seconds"]) if motion["seconds"] else math.nan
+
+
 def _graph(graph: Figures, motion: Figures) -> list[Row]:
     kept = motion["frames_kept_by_clip"]
     whole = motion["frames"] * (2 if motion["mirrored"] else 1)
     unused = [name for name, frames in kept.items() if frames == 0]
-    rate = motion["frames"] / motion["seconds"] if motion["seconds"] else math.nan
+    rate = _control_rate(motion)
     mean = graph["action_frames"] / rate
     return [
         ("frames kept", f"{graph['frames']:,} of {whole:,} control frames, {percent(graph['frames'] / whole)}"),
@@ -104,21 +109,22 @@ def duel_text(duel: Figures) -> list[Row]:
 def _strikes(strikes: Figures) -> list[Row]:
     rows: list[Row] = []
     for name, (low, high) in strikes["reach"].items():
-        text = _range(name, low, high)
+        unit = "rad" if name == "bearing" else "m"
+        text = _range(unit, low, high)
         if name in strikes["paper"]:
-            text += f"; the paper: {_range(name, *strikes['paper'][name])}"
+            text += f"; the paper: {_range(unit, *strikes['paper'][name])}"
         rows.append((name.replace("_", " "), text))
     return rows
 
 
-def _range(name: str, low: float, high: float) -> str:
-    if name == "bearing":
+def _range(unit: str, low: float, high: float) -> str:
+    if unit == "rad":
         return f"{math.degrees(low):.0f} to {math.degrees(high):.0f} degrees"
-    return f"{low:.2f} to {high:.2f} m"
+    return f"{low:.2f} to {high:.2f} {unit}"
 
 
-def _behaviour(behaviour: Figures) -> list[Row]:
-    axes = [_axis(axis) for axis in behaviour["axes"]]
+def _behaviour(behaviour: Figures, control_rate: float) -> list[Row]:
+    axes = [_axis(axis, control_rate) for axis in behaviour["axes"]]
     seconds, rate = behaviour["seconds"], behaviour["updates_per_second"]
     solver = behaviour["solver"].replace("_", " ")
     end = "converged" if behaviour["converged"] else "did not converge"
@@ -133,12 +139,15 @@ def _behaviour(behaviour: Figures) -> list[Row]:
     ]
 
 
-def _axis(axis: Figures) -> str:
-    low, high = axis["minimum"], axis["maximum"]
+def _axis(axis: Figures, control_rate: float) -> str:
+    from crowdsim.policy.axes.registry import kind_named
+
+    kind = kind_named(axis["name"])
+    low, high = (axis[end] / kind.grid_units(control_rate) for end in ("minimum", "maximum"))
     if axis["wraps"]:
         return f"{axis['name']} all around in steps of {math.degrees(high - low) / axis['count']:.0f} degrees"
     finer = ", finer where it is small" if axis["stretch"] else ""
-    return f"{axis['name']} {_range(axis['name'], low, high)} at {axis['count']} grid points{finer}"
+    return f"{axis['name']} {_range(kind.unit, low, high)} at {axis['count']} grid points{finer}"
 
 
 def _training(timings: Figures) -> list[Row]:

@@ -49,7 +49,7 @@ from crowdsim.crowd.resting import note_walks, rest_rows, walk_rows
 from crowdsim.crowd.stances import stance_rows
 from crowdsim.errors import RunError
 from crowdsim.policy.defence import join_defences
-from crowdsim.policy.environment import HALFWAY, LEAD
+from crowdsim.policy.environment import LEAD
 from crowdsim.policy.rewards import StrikeTerm
 
 if TYPE_CHECKING:
@@ -182,7 +182,7 @@ def _sizes(policy: Policy) -> list[float]:
     pace = float(steps.max(initial=0.0)) * database.stride
     drops = (body.neck_drop, body.pelvis_drop)
     tolerance = _tolerance(policy)
-    leads = [lead * policy.actions.mean_length for lead in (HALFWAY, LEAD)]
+    watches = any(axis.name == "impact" for behaviour in policy.behaviours for axis in behaviour.grid.axes)
     far = farthest(policy)
     return [
         body.head_radius,
@@ -192,7 +192,8 @@ def _sizes(policy: Policy) -> list[float]:
         furthest + 1e-5,
         pace + 1e-5,
         far,
-        *leads,
+        LEAD * policy.actions.mean_length,
+        float(watches),
         strong_speed(policy),
         space_of(policy),
         *arm_radii(database.body),

@@ -128,9 +128,27 @@ class Grid:
         return math.prod(axis.count for axis in self.layer_axes)
 
     @property
-    def turns(self) -> bool:
-        """Whether what one of these measures changes when the avatar turns."""
-        return any(axis.kind.turns for axis in self.layer_axes)
+    def changes(self) -> bool:
+        """Whether what one of these measures changes while the avatar acts."""
+        return any(axis.kind.after is not None for axis in self.layer_axes)
+
+    @property
+    def lasts(self) -> float:
+        """For how many control frames a target moves in training, where an axis says how; otherwise for ever."""
+        return min((axis.kind.lasts for axis in self.layer_axes if axis.kind.lasts is not None), default=math.inf)
+
+    @property
+    def moves(self) -> bool:
+        """Whether an axis says how the target moves."""
+        return self.lasts < math.inf
+
+    @property
+    def leads(self) -> tuple[float, float]:
+        """How far ahead of a moving target tables of Q and of V are read, in mean lengths of an action.
+
+        A grid that says how the target moves holds values of moving targets, and needs none of this.
+        """
+        return (0.0, 0.0) if self.moves else (HALFWAY, LEAD)
 
     @property
     def strides(self) -> tuple[int, ...]:
@@ -152,6 +170,8 @@ class Grid:
         mesh = np.meshgrid(*(axis.points for axis in self.axes), indexing="ij")
         target = Target(*(np.full(self.cells, number) for number in UNSEEN))
         for axis, values in zip(self.axes, mesh, strict=True):
+            if axis.kind.beyond is not None:
+                values = np.where(values == axis.points[-1], axis.kind.beyond, values)
             target = axis.kind.place(target, values.ravel())
         return target
 

@@ -13,7 +13,7 @@ from crowdsim.errors import PolicyError, nearest
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.axes.registry import BEARING, DISTANCE, HEIGHT
 from crowdsim.policy.defence import NAME as DEFEND
-from crowdsim.policy.environment import HALFWAY, LEAD, Grid
+from crowdsim.policy.environment import Grid
 from crowdsim.policy.falls import Falls
 from crowdsim.policy.records import AXIS, BEHAVIOUR
 from crowdsim.policy.rests import Rests
@@ -93,8 +93,6 @@ class LookupTables(NamedTuple):
         terms: The reward terms of each behaviour. Shape (n,), ``terms.registry.TERM``.
         once: What each action earns each behaviour wherever the target is (``Term.of_actions``). Shape (B, A), float64.
         table: The tables of all behaviours, one after another. Flat, float32, uint8 or uint16.
-        lead_now: How many control frames later tables of Q see a moving target (``environment.HALFWAY``).
-        lead_later: How many frames after an action tables of V see one (``environment.LEAD``).
     """
 
     actions: Actions
@@ -103,8 +101,6 @@ class LookupTables(NamedTuple):
     terms: Array
     once: Array
     table: Array
-    lead_now: float
-    lead_later: float
 
 
 @dataclass(frozen=True)
@@ -198,6 +194,7 @@ def build_lookup_tables(
         table_start += len(behaviour.table)
         record["end_axis"], record["end_term"] = axis_start, term_start
         record["further"] = any(axis.kind not in (DISTANCE, BEARING, HEIGHT) for axis in behaviour.grid.axes)
+        record["lead_now"], record["lead_later"] = (lead * actions.mean_length for lead in behaviour.grid.leads)
         record["looks_ahead"], record["cells"] = behaviour.lookup == "v", behaviour.grid.cells
         for name in ("scale", "discount", "low", "step"):
             record[name] = getattr(behaviour, name)
@@ -207,5 +204,4 @@ def build_lookup_tables(
                 record["each"] += term.each
     if values is None:
         values = np.concatenate([behaviour.table for behaviour in behaviours])
-    leads = HALFWAY * actions.mean_length, LEAD * actions.mean_length
-    return LookupTables(actions, records, np.concatenate(axes), np.concatenate(terms), once, np.asarray(values), *leads)
+    return LookupTables(actions, records, np.concatenate(axes), np.concatenate(terms), once, np.asarray(values))

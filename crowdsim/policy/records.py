@@ -17,13 +17,16 @@ BEHAVIOUR = np.dtype(
         ("step", np.float64),
         ("price", np.float64),
         ("each", np.float64),
+        ("lead_now", np.float64),
+        ("lead_later", np.float64),
         ("further", np.bool_),
     ]
 )
 """A behaviour: its rows of axes and terms; whether its table is one of V, read behind an action (the look-up v); cells
 of its grid, and its first entry in the table; scale and discount; what an entry of 0 is worth, and a step of 1 more;
-what a transition costs it, for a cost of 1 and for each one; whether its grid has axes beside distance, bearing and
-height."""
+what a transition costs it, for a cost of 1 and for each one; how many control frames later a moving target is seen by a
+table of Q, and after an action by one of V (``environment.Grid.leads``); whether its grid has axes beside distance,
+bearing and height."""
 
 AXIS = np.dtype(
     [

@@ -2,8 +2,8 @@
 
 The reward of one action is the sum of its terms, each a file in ``terms``, evaluated exactly where the target is, never
 interpolated. Time t counts control frames from the action's state, and gamma is the discount a frame. Terms other than
-strikes depend on where the target is over the ground and, where a grid has that axis, on its heading; not on its
-height.
+strikes depend on where the target is over the ground and, where a grid has these axes, on its heading and the time to
+its strike; not on its height.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
+from crowdsim.policy.terms.hit import HitTerm
 from crowdsim.policy.terms.proximity import ProximityTerm
 from crowdsim.policy.terms.registry import TERMS, AnyTerm, once_of, pack_terms, term_name
 from crowdsim.policy.terms.strike import WASTED, StrikeTerm
@@ -27,6 +28,7 @@ __all__ = [
     "TERMS",
     "WASTED",
     "AnyTerm",
+    "HitTerm",
     "ProximityTerm",
     "StrikeTerm",
     "TargetBody",

@@ -62,11 +62,6 @@ def _values(one: Capsules | PosedSkins) -> list[Array]:
     return [getattr(one, field.name) for field in fields(one)]
 
 
-def paint_of(kind: int) -> tuple[float, float, float, float]:
-    """Return the colour and gloss of a kind of obstacles, linear."""
-    return _PAINTS.get(kind, _ROPE_PAINT)
-
-
 def hide_avatars(parts: Array, eye: Array, ground: Array) -> Array:
     """Return which parts of obstacles are between an eye and the trunk of an avatar, or right before the eye.
 

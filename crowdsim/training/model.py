@@ -36,7 +36,7 @@ from crowdsim.policy.rewards import StrikeTerm, TargetBody, Term, once_of, pack_
 
 if TYPE_CHECKING:
     from crowdsim.training.kernels.rewards import Landed, Places
-    from crowdsim.training.kernels.successors import Turning
+    from crowdsim.training.kernels.successors import Layers
 
 BACKUPS = ("max_of_interpolated", "interpolation_of_max")
 
@@ -86,7 +86,8 @@ class Model:
         axes: The distance and the bearing, ``kernels.successors.GROUND_AXIS``. One that the grid lacks has a single
             point. Shape (2,).
         ends: The ground where each action ends, ``kernels.successors.END``. Shape (O, A).
-        turning: What each layer sees, and how that turns with the avatar; empty arrays where it does not.
+        layered: What each layer sees, how that changes while the avatar acts, and how the target moves; empty arrays
+            where nothing does.
         xs: Where the target of each ground cell is, to the left [m]. Shape (M,), float32.
         zs: Ahead.
         probabilities: p(o). Shape (O,), float32.
@@ -106,7 +107,7 @@ class Model:
     discounts: Array
     axes: Array
     ends: Array
-    turning: Turning
+    layered: Layers
     xs: Array
     zs: Array
     probabilities: Array
@@ -184,15 +185,17 @@ def build_model(
 
     packed, log_discount = pack_terms(terms, body), math.log(discount)
     wide = 1 if _same_everywhere(terms) else len(xs)
-    if any(not kind_named(name).over_ground for term in terms for name in term.axes):
+    if any(not kind_named(name).over_ground for term in terms for name in term.axes) or (wide > 1 and grid.moves):
         wide, places = grid.cells, cells
     else:
         places = Target(*(number[::layers] for number in cells))
     near = np.empty((outcomes, count, wide), np.float32)
     for velocity, out in zip(movement.velocities, near, strict=True):
         share(
-            count, fill_near, actions, places_of(places, *velocity), packed, once_of(terms, actions), log_discount, out
-        )
+            count, fill_near, actions,
+            places_of(places, places.vx + velocity[0], places.vz + velocity[1], grid.lasts),
+            packed, once_of(terms, actions), log_discount, out,
+        )  # fmt: skip
     landed = _landed_rewards(actions, grid, movement, packed, log_discount)
     return Model(
         grid=grid,
@@ -201,8 +204,8 @@ def build_model(
         next=actions.next % np.int32(actions.state_count),
         discounts=(discount ** actions.lengths.astype(np.float64)).astype(np.float32),
         axes=ground_axes(grid),
-        ends=action_ends(actions, movement),
-        turning=turning_layers(grid),
+        ends=action_ends(actions, movement, grid.lasts),
+        layered=changing_layers(grid),
         xs=xs,
         zs=zs,
         probabilities=movement.probabilities.astype(np.float32),
@@ -228,26 +231,28 @@ def check_axes(terms: tuple[Term, ...], grid: Grid) -> None:
                 )
 
 
-def places_of(targets: Target, vx: ArrayLike, vz: ArrayLike) -> Places:
-    """Return targets (arrays of M) that move over the ground [m a control frame] as training reads them."""
+def places_of(targets: Target, vx: ArrayLike, vz: ArrayLike, lasts: float) -> Places:
+    """Return targets (arrays of M) that move for some frames [m a control frame] as training reads them."""
     from crowdsim.training.kernels.rewards import Places
 
-    columns = targets.x, targets.z, vx, vz, np.sin(targets.heading), np.cos(targets.heading)
+    columns = targets.x, targets.z, vx, vz, np.sin(targets.heading), np.cos(targets.heading), targets.impact
     shape = np.shape(targets.x)
-    return Places(*(np.ascontiguousarray(np.broadcast_to(one, shape), np.float32) for one in columns))
+    rows = [np.ascontiguousarray(np.broadcast_to(one, shape), np.float32) for one in columns]
+    return Places(*[*rows, np.float32(lasts)])
 
 
 def _landed_rewards(actions: Actions, grid: Grid, movement: Movement, packed: Array, log_discount: float) -> Landed:
     """Return what strikes earn where they land: offsets by outcome and action, cells and rewards (``Model``)."""
     from crowdsim.training.kernels.rewards import Landed, fill_landed
 
-    count, targets, velocities = actions.action_count, grid.targets(), movement.velocities
+    count, layers, targets = actions.action_count, 1 if grid.moves else grid.layers, np.stack(grid.observed()[:5], -1)
+    movements = np.column_stack([movement.velocities, np.full(len(movement.probabilities), grid.lasts)])
     offsets = np.zeros(len(movement.probabilities) * count + 1, np.int64)
     counted = Landed(offsets, np.zeros(0, np.int32), np.zeros(0, np.float32))
-    share(count, fill_landed, actions, targets, grid.layers, velocities, packed, log_discount, counted)
+    share(count, fill_landed, actions, targets, layers, movements, packed, log_discount, counted)
     np.cumsum(offsets, out=offsets)
     listed = Landed(offsets, np.empty(offsets[-1], np.int32), np.empty(offsets[-1], np.float32))
-    share(count, fill_landed, actions, targets, grid.layers, velocities, packed, log_discount, listed)
+    share(count, fill_landed, actions, targets, layers, movements, packed, log_discount, listed)
     return listed
 
 
@@ -269,24 +274,43 @@ def ground_axes(grid: Grid) -> Array:
     return records
 
 
-def action_ends(actions: Actions, movement: Movement) -> Array:
-    """Return the ground frame in which each action ends, for each velocity of the target (``Model.ends``)."""
+def action_ends(actions: Actions, movement: Movement, lasts: float = math.inf) -> Array:
+    """Return the ground frame in which each action ends, for each velocity of the target (``Model.ends``).
+
+    The target moves for ``lasts`` control frames.
+    """
     from crowdsim.training.kernels.successors import END
 
     x, z, heading = actions.displacements.T.astype(float)
-    gone = movement.velocities[:, None, :] * actions.lengths[:, None]
+    gone = movement.velocities[:, None, :] * np.minimum(actions.lengths, lasts)[:, None]
     ends = np.empty(gone.shape[:2], END)
     ends["left"], ends["ahead"] = gone[..., 0] - x, gone[..., 1] - z
     ends["cos"], ends["sin"], ends["turn"] = np.cos(heading), np.sin(heading), heading
+    ends["frames"] = actions.lengths
     ends["side"] = np.where(actions.next < actions.state_count, 1.0, -1.0)
     return ends
 
 
-def turning_layers(grid: Grid) -> Turning:
-    """Return what the layers of a grid see, and their axes, as sweeps read them; none of grids that do not turn."""
-    from crowdsim.training.kernels.successors import Turning
+def changing_layers(grid: Grid) -> Layers:
+    """Return what the layers of a grid see, as sweeps read it; empty arrays of a grid in which nothing changes."""
+    from crowdsim.training.kernels.successors import Layers
 
-    cells = grid.layers if grid.turns else 0
-    layers = grid.observed()
-    axes = grid.pack()[len(grid.ground_axes) :] if grid.turns else grid.pack()[:0]
-    return Turning(axes, layers.y[:cells].copy(), layers.heading[:cells].copy())
+    cells, ground = grid.observed(), len(grid.ground_axes)
+    axes = grid.pack()[ground:] if grid.changes else grid.pack()[:0]
+    runs, vxs, vzs = np.zeros(0, np.int64), np.zeros(0, np.float32), np.zeros(0, np.float32)
+    if grid.moves:
+        vxs, vzs = cells.vx.astype(np.float32), cells.vz.astype(np.float32)
+        ways = np.stack([vxs, vzs]).reshape(2, -1, grid.layers)
+        other = (ways[..., 1:] != ways[..., :-1]).any(axis=(0, 1))
+        runs = np.concatenate([[0], np.flatnonzero(other) + 1, [grid.layers]]).astype(np.int64)
+    targets = Target(*(number[: grid.layers] for number in cells))
+    return Layers(axes, measure_layers(grid, targets), runs, vxs, vzs, np.float32(grid.lasts))
+
+
+def measure_layers(grid: Grid, targets: Target) -> Array:
+    """Return what the axes of the layers of a grid measure of targets (arrays of N). Shape (N, axes)."""
+    rows = [
+        [axis.kind.value(Target(*one)) for axis in grid.layer_axes]
+        for one in zip(*np.broadcast_arrays(*targets), strict=True)
+    ]
+    return np.array(rows).reshape(len(targets.x), len(grid.layer_axes))

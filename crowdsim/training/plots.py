@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from crowdsim.core.types import Array
 from crowdsim.figures import new_figure, save_figure
 from crowdsim.graph.settings import GraphSettings
 from crowdsim.motion.strikers import HANDS, LIMBS
+from crowdsim.policy.axes.axis import AxisKind
+from crowdsim.policy.environment import Axis
 from crowdsim.policy.policy import Behaviour, Policy, build_lookup_tables
 from crowdsim.training.motion_kinds import MotionKind, motion_kinds
 from crowdsim.training.statistics import PAPER_REACH
@@ -75,6 +77,9 @@ def plot_bundle(policy: Policy, folder: str | Path) -> list[Path]:
     states = chosen_states(policy)
     for behaviour in policy.behaviours:
         figures[f"values_{behaviour.name}"] = maps_figure(policy, behaviour, states)
+        for axis in behaviour.grid.layer_axes:
+            if axis.name != "height" and axis.count > 1:
+                figures[f"values_{behaviour.name}_by_{axis.name}"] = axis_figure(policy, behaviour, axis, states[0])
     return files + [save_figure(figure, folder / f"{name}.png") for name, figure in figures.items()]
 
 
@@ -136,17 +141,44 @@ def maps_figure(policy: Policy, behaviour: Behaviour, states: list[int], points:
 
     Behaviours that know targets far away have a second map of what the best action does, of those nearby.
     """
+    return _draw_maps(policy, behaviour, [_Column(_name_state(policy, state), state) for state in states], points)
+
+
+def axis_figure(policy: Policy, behaviour: Behaviour, axis: Axis, state: int, points: int = 61) -> Figure:
+    """Draw the same for targets of which an axis has some values, from its first grid point to its last one."""
+    unit, columns = axis.kind.grid_units(policy.database.control_rate), []
+    for value in axis.points[np.unique(np.linspace(0, axis.count - 1, 4).round().astype(int))]:
+        last = axis.kind.beyond is not None and value == axis.points[-1]
+        text = (
+            f"{math.degrees(value):.0f} degrees" if axis.kind.unit == "rad" else f"{value / unit:.2g} {axis.kind.unit}"
+        )
+        title = f"{axis.name} {text}" + " or none" * int(last)
+        columns.append(_Column(title, state, axis.kind, axis.kind.beyond if last else float(value)))
+    return _draw_maps(policy, behaviour, columns, points)
+
+
+class _Column(NamedTuple):
+    """Maps of one state; with a kind of axis, of targets of which that has some value."""
+
+    title: str
+    state: int
+    kind: AxisKind | None = None
+    value: float | None = None
+
+
+def _draw_maps(policy: Policy, behaviour: Behaviour, columns: list[_Column], points: int) -> Figure:
+    """Draw maps of values and of best actions, a column for each of some."""
     far = next(axis.maximum for axis in behaviour.grid.axes if axis.name == "distance")
     extents = [far] if far <= 2.0 * NEARBY else [far, NEARBY]
     kinds = motion_kinds(policy.actions, policy.database.strike_limbs)
     look = _BestActions(policy, behaviour)
     shown: set[int] = set()
-    figure = new_figure(4.6 * len(states), 0.9 + 3.9 * (1 + len(extents)))
-    rows = figure.subplots(1 + len(extents), len(states), squeeze=False)
-    for column, state in enumerate(states):
-        first = int(policy.actions.offsets[state])
+    figure = new_figure(4.6 * len(columns), 0.9 + 3.9 * (1 + len(extents)))
+    rows = figure.subplots(1 + len(extents), len(columns), squeeze=False)
+    for column, what in enumerate(columns):
+        first = int(policy.actions.offsets[what.state])
         for row, extent in enumerate(extents, 1):
-            sides, values, best = look(state, extent, points)
+            sides, values, best = look(what, extent, points)
             axes = rows[row, column]
             shades = np.where(best < 0, np.nan, kinds[first + np.maximum(best, 0)])
             axes.pcolormesh(sides, sides, shades, shading="nearest", cmap=_kind_colours(), vmin=-0.5, vmax=8.5)
@@ -156,12 +188,15 @@ def maps_figure(policy: Policy, behaviour: Behaviour, states: list[int], points:
                 upper = rows[0, column]
                 image = upper.pcolormesh(sides, sides, values, shading="nearest", cmap="viridis")
                 figure.colorbar(image, ax=upper, label="value of the best action [reward]")
-                _ground_axes(upper, _name_state(policy, state))
+                _ground_axes(upper, what.title)
     for axes in rows.flat:
         axes.plot(0, 0, marker="^", color="white", markeredgecolor="black", markersize=8)
     _kind_legend(figure, shown)
     where = f", head at {height:.2f} m" if (height := look.head) is not None else ""
-    where += ", targets face it" if any(axis.name == "heading" for axis in behaviour.grid.axes) else ""
+    turned = columns[0].kind is not None and columns[0].kind.name == "heading"
+    where += ", targets face it" if not turned and any(one.name == "heading" for one in behaviour.grid.axes) else ""
+    if columns[0].kind is not None:
+        where += f", in {_name_state(policy, columns[0].state)}"
     figure.suptitle(f"{policy.name}: {behaviour.name}, by where the target is around the avatar, who looks up{where}")
     return figure
 
@@ -177,7 +212,7 @@ class _BestActions:
         self._tables = build_lookup_tables(policy.actions, (behaviour,), policy.body)
         self._most = int(np.diff(policy.actions.offsets).max())
 
-    def __call__(self, state: int, extent: float, points: int) -> tuple[Array, Array, Array]:
+    def __call__(self, column: _Column, extent: float, points: int) -> tuple[Array, Array, Array]:
         """Return places along x to the right and z ahead (P,), values and actions (P, P), numbers within the state's.
 
         An action is -1 beyond the extent.
@@ -194,7 +229,10 @@ class _BestActions:
             for place, right in enumerate(sides):
                 if math.hypot(right, z) <= min(extent, self.far):
                     target = Target(-right, height, z, 0.0, 0.0, math.atan2(right, -z))
-                    n = evaluate_actions(self._tables, ones, state, target, corners, found)
+                    if column.kind is not None:
+                        placed = column.kind.place(target, np.asarray(column.value))
+                        target = Target(*(float(number) for number in placed))
+                    n = evaluate_actions(self._tables, ones, column.state, target, corners, found)
                     values[row, place] = found[:n].max() * self._scale
                     best[row, place] = found[:n].argmax()
         return sides, values, best

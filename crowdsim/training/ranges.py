@@ -13,9 +13,10 @@ from crowdsim.motion import ground
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.strikers import LEGS
 from crowdsim.motion.strikes import describe_strikes_needed
+from crowdsim.policy.axes.axis import UNSEEN_STRIKE
 from crowdsim.policy.axes.registry import kind_named
 from crowdsim.policy.environment import Axis, Grid, build_grid
-from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, Term
+from crowdsim.policy.rewards import HitTerm, ProximityTerm, StrikeTerm, Term
 from crowdsim.training.recipe import BehaviourSpec
 
 
@@ -106,7 +107,7 @@ def resolve_terms(spec: BehaviourSpec, database: MotionDatabase) -> tuple[Term, 
     """
     terms: list[Term] = []
     for term in spec.rewards:
-        if isinstance(term, ProximityTerm) and term.distance is None:
+        if isinstance(term, ProximityTerm | HitTerm) and term.distance is None:
             term = term.model_copy(update={"distance": striking_range(database)})
         terms.append(term)
     return tuple(terms)
@@ -121,8 +122,11 @@ FAR = 4.0
 PACE = 1.0
 """Speed of the fastest of them [m/s]."""
 
+WARNING = 0.8
+"""How long before a strike reaches furthest it is seen at most, where a recipe does not say [s]."""
+
 _PACES = (0.0, 0.0, 0.5, 1.0, 0.0, 0.0, 1.0, 0.5)
-_GOLDEN, _ROOT_TWO = 0.6180339887498949, 1.4142135623730951
+_GOLDEN, _ROOT_TWO, _ROOT_THREE = 0.6180339887498949, 1.4142135623730951, 1.7320508075688772
 
 _SPREAD = (0.8191725133961645, 0.6710436067037893, 0.5497004779019703)
 """Steps of a sequence that fills a cube evenly (the plastic number's, in three dimensions)."""
@@ -134,7 +138,8 @@ def sample_targets(database: MotionDatabase, count: int = TARGETS) -> Array:
     Returns:
         The head's place in the ground frame [m], and how far it moves in a control frame along x and z [m]: half of
         the targets are at rest, the others move at up to ``PACE`` in any direction. Then which way it faces [rad], all
-        ways. Shape (count, 6).
+        ways, and how soon its strike reaches furthest [control frames]; half of them do not strike. Shape (count, 7),
+        the fields of a ``Target``.
     """
     near, high = (0.3, 1.3), np.percentile(np.asarray(database.head_heights, dtype=float), [5.0, 95.0])
     if len(database.strike_frames):
@@ -148,7 +153,9 @@ def sample_targets(database: MotionDatabase, count: int = TARGETS) -> Array:
     way = 2.0 * math.pi * ((0.5 + np.arange(count) * _GOLDEN) % 1.0)
     heading = 2.0 * math.pi * ((0.5 + np.arange(count) * _ROOT_TWO) % 1.0) - math.pi
     columns = distance * np.sin(bearing), height, distance * np.cos(bearing), pace * np.sin(way), pace * np.cos(way)
-    return np.stack([*columns, heading], axis=-1)
+    soon = WARNING * database.control_rate * ((0.5 + np.arange(count) * _ROOT_THREE) % 1.0)
+    impact = np.where(np.arange(count) % 4 < 2, soon, UNSEEN_STRIKE)
+    return np.stack([*columns, heading, impact], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -175,6 +182,19 @@ class Observed:
         low, high = np.percentile(np.asarray(self.database.head_heights, dtype=float), [1.0, 99.0])
         return round(float(low), 3), round(float(high), 3)
 
+    def pace(self) -> float:
+        """Return how fast bodies move over the ground, but for the fastest twentieth [m a control frame]."""
+        ground, stride = np.asarray(self.database.ground, dtype=float), self.database.stride
+        steps = np.hypot(*(ground[stride:, :2] - ground[:-stride, :2]).T)
+        inside = np.ones(len(steps), bool)
+        for start in np.asarray(self.database.clip_starts[1:-1], np.int64) * stride:
+            inside[max(start - stride, 0) : start] = False
+        return round(float(np.percentile(steps[inside], 95.0)), 4)
+
+    def longest_warning(self) -> float:
+        """Return how long before a strike reaches furthest it is seen at most [control frames]."""
+        return WARNING * self.database.control_rate
+
 
 def resolve_grid(spec: BehaviourSpec, database: MotionDatabase) -> Grid:
     """Return the grid of a behaviour; ranges that its recipe leaves out come from the motion.
@@ -185,14 +205,16 @@ def resolve_grid(spec: BehaviourSpec, database: MotionDatabase) -> Grid:
     """
     axes, motion = [], Observed(spec, database)
     for name, axis in spec.axes.given().items():
-        low, high, kind = axis.minimum, axis.maximum, kind_named(name)
+        kind = kind_named(name)
+        unit = kind.grid_units(database.control_rate)
+        low, high = (None if end is None else end * unit for end in (axis.minimum, axis.maximum))
         if axis.reach:
             least, greatest = getattr(strike_reach(database), name)
             low, high = (round(least, 3) if low is None else low), (round(greatest, 3) if high is None else high)
         wraps = kind.period > 0.0 and low is None and high is None and axis.count > 1
         low = kind.lowest(motion) if low is None else low
         high = kind.highest(motion) if high is None else high
-        axes.append(Axis(name, low, high, axis.count, wraps, axis.fade, axis.stretch or 0.0))
+        axes.append(Axis(name, low, high, axis.count, wraps, axis.fade * unit, (axis.stretch or 0.0) * unit))
     return build_grid(axes)
 
 

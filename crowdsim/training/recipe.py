@@ -17,7 +17,7 @@ from crowdsim.motion.settings import StrikeSettings
 from crowdsim.policy.axes.axis import AxisKind
 from crowdsim.policy.axes.registry import AXES, NAMES, kind_named
 from crowdsim.policy.defence import NAME as DEFEND
-from crowdsim.policy.rewards import AnyTerm, ProximityTerm, StrikeTerm, term_name
+from crowdsim.policy.rewards import AnyTerm, HitTerm, ProximityTerm, StrikeTerm, term_name
 from crowdsim.training.motion_source import MAXIMUM_SEED, Motion
 from crowdsim.training.recipe_parts import DefenceSpec, RestSpec
 
@@ -37,15 +37,17 @@ class AxisSpec(StrictModel):
         default=None,
         ge=-1000.0,
         le=1000.0,
-        description="First grid point; null: 0 for a distance, the full circle "
-        "for a bearing or a heading, the lowest heads of the motion for a height.",
+        description="First grid point; null: 0 for a distance or an impact, the full circle for a bearing or a "
+        "heading, the lowest heads of the motion for a height, and for a velocity the motion's pace towards the "
+        "avatar.",
     )
     maximum: float | None = Field(
         default=None,
         ge=-1000.0,
         le=1000.0,
-        description="Last grid point; null: a step past what strikes reach for a "
-        "distance, the full circle for a bearing or a heading, the highest heads of the motion for a height.",
+        description="Last grid point; null: a step past what strikes reach for a distance, the full circle for a "
+        "bearing or a heading, the highest heads of the motion for a height, its pace away from the avatar for a "
+        "velocity, 0.8 s for an impact.",
     )
     fade: float = Field(
         default=0.0, ge=0.0, le=1000.0, description="How far beyond the range the behaviour stops counting; 0: never."
@@ -60,7 +62,7 @@ class AxisSpec(StrictModel):
         gt=0.0,
         le=1000.0,
         description="Where steps between grid points are four times as long as at 0, so that a grid is fine near and "
-        "coarse far, of a distance or height [m]; null: all are equal.",
+        "coarse far, of a distance, height or impact; null: all are equal.",
     )
 
     @model_validator(mode="after")
@@ -167,8 +169,9 @@ class BehaviourSpec(StrictModel):
     def measured_by_strikes(self) -> list[str]:
         """What is left out of it in words, and so comes from the region that strikes reach."""
         missing = []
-        if any(isinstance(term, ProximityTerm) and term.distance is None for term in self.rewards):
-            missing.append("a distance in its proximity rewards")
+        for name, kind in {"proximity": ProximityTerm, "hit": HitTerm}.items():
+            if any(isinstance(term, kind) and term.distance is None for term in self.rewards):
+                missing.append(f"a distance in its {name} rewards")
         for name, axis in self.axes.given().items():
             if axis.reach or (name == "distance" and axis.maximum is None):
                 missing.append(f"a minimum and a maximum of its {name} axis")
@@ -186,9 +189,18 @@ class BehaviourSpec(StrictModel):
                 raise Fault(f"is stretched, expected even steps of a {name}", "axes", name, "stretch")
             if axis.reach and name not in MEASURED:
                 raise Fault(f"is true, but strikes reach no {name}, expected false", "axes", name, "reach")
-            if kind.turns and self.backup != "interpolation_of_max":
-                what = f"turns with the avatar, which needs the backup interpolation_of_max, not {self.backup}"
+            if kind.after is not None and self.backup != "interpolation_of_max":
+                what = f"changes with each action, which needs the backup interpolation_of_max, not {self.backup}"
                 raise Fault(what, "axes", name)
+            for end in ("minimum", "maximum"):
+                value, (least, greatest) = getattr(axis, end), kind.bounds
+                if value is not None and not least <= value <= greatest:
+                    what = f"is {value:g}, expected values from {least:g} to {greatest:g} {kind.unit}"
+                    raise Fault(what, "axes", name, end)
+            if name == "impact" and not axis.fade and not any(name in term.axes for term in self.rewards):
+                raise Fault("changes nothing, expected a reward 'hit' or a fade", "axes", name)
+            if kind.time < 0 and axis.stretch is not None:
+                raise Fault(f"is stretched, expected even steps of a {name}", "axes", name, "stretch")
         for index, term in enumerate(self.rewards):
             for name in term.axes:
                 if name not in given:

@@ -11,9 +11,9 @@ from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.axes.axis import Target
-from crowdsim.policy.environment import LEAD, Grid, fade_factor
+from crowdsim.policy.environment import Grid, fade_factor
 from crowdsim.policy.rewards import TargetBody, Term, once_of, pack_terms
-from crowdsim.training.model import action_ends, build_movement, ground_axes, places_of, turning_layers
+from crowdsim.training.model import action_ends, build_movement, changing_layers, ground_axes, measure_layers, places_of
 
 SHOWN = 12.0
 """How far below the best action others are distinguished in a table of bytes, in parts of the behaviour's scale."""
@@ -34,7 +34,7 @@ def action_values_at(
     """Return what every action is worth for some targets, by the values V behind it.
 
     Args:
-        targets: Where the target may be, how it may move and face (``ranges.sample_targets``). Shape (N, 6).
+        targets: Where the target may be, and what else may be seen of it (``ranges.sample_targets``). Shape (N, 7).
         grid: The environment.
         terms: The reward's terms.
         values: V. Shape (S, C).
@@ -47,35 +47,39 @@ def action_values_at(
     """
     from crowdsim.training.kernels.judging import Learned, fill_action_values
 
-    x, height, z, vx, vz, heading = np.ascontiguousarray(targets.T)
-    layers, shares = _layers_around(grid, Target(x, height, z, vx, vz, heading))
+    seen = Target(*np.ascontiguousarray(targets.T))
+    measures = measure_layers(grid, seen)
+    layers, shares = _layers_around(grid, measures)
     learned = Learned(
         axes=ground_axes(grid),
         ends=action_ends(actions, build_movement())[0],
-        turning=turning_layers(grid),
+        layered=changing_layers(grid),
         discounts=(discount ** actions.lengths.astype(np.float64)).astype(np.float32),
         values=np.ascontiguousarray(values, np.float32),
         terms=pack_terms(terms, body),
         once=once_of(terms, actions),
         log_discount=math.log(discount),
-        heights=height,
-        headings=heading,
+        heights=seen.y,
+        measures=measures,
         layers=layers,
         shares=shares,
-        lead=LEAD * float(actions.lengths.mean()),
+        lead=grid.leads[1] * float(actions.lengths.mean()),
     )
-    places = places_of(Target(x, height, z, heading=heading), vx, vz)
+    places = places_of(seen, seen.vx, seen.vz, grid.lasts)
     result = np.empty((actions.action_count, len(targets)), np.float32)
     own = actions._replace(next=actions.next % np.int32(actions.state_count))
     share(actions.action_count, fill_action_values, own, learned, places, result)
     return result
 
 
-def _layers_around(grid: Grid, targets: Target) -> tuple[Array, Array]:
-    """Return the layers of a grid around targets (arrays of N), and their shares. Shapes (E, N), int64 and float32."""
-    cells, shares = np.zeros((1, len(targets.x)), np.int64), np.ones((1, len(targets.x)), np.float32)
-    for axis, stride in list(zip(grid.axes, grid.strides, strict=True))[len(grid.ground_axes) :]:
-        values = [axis.kind.value(Target(*one)) for one in zip(*targets, strict=True)]
+def _layers_around(grid: Grid, measures: Array) -> tuple[Array, Array]:
+    """Return the layers of a grid around what is measured (``measure_layers``), and their shares.
+
+    Shapes (E, N), int64 and float32.
+    """
+    cells, shares = np.zeros((1, len(measures)), np.int64), np.ones((1, len(measures)), np.float32)
+    strides = grid.strides[len(grid.ground_axes) :]
+    for axis, stride, values in zip(grid.layer_axes, strides, measures.T, strict=True):
         place = axis.places(values) % axis.count if axis.wraps else np.clip(axis.places(values), 0.0, axis.count - 1.0)
         lower = np.minimum(place.astype(np.int64), axis.count - 1 if axis.wraps else max(axis.count - 2, 0))
         upper = (lower + 1) % axis.count if axis.wraps else np.minimum(lower + 1, axis.count - 1)

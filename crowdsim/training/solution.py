@@ -11,7 +11,7 @@ from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 
 if TYPE_CHECKING:
-    from crowdsim.training.kernels.successors import Turning
+    from crowdsim.training.kernels.successors import Layers
     from crowdsim.training.model import Model
 
 
@@ -63,7 +63,7 @@ class SweepModel(NamedTuple):
     discounts: Array
     axes: Array
     ends: Array
-    turning: Turning
+    layered: Layers
     xs: Array
     zs: Array
     probabilities: Array

@@ -9,7 +9,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.places.kernels.records import DISC, ROPES
-from crowdsim.render.obstacles import paint_of
+from crowdsim.places.mesh import OBSTACLE_PAINTS
 
 _EDGE, _ROPE, _POST = 0.025, 0.02, 0.05
 """Radius of edges, of ropes and of the posts between ropes [m]."""
@@ -32,7 +32,7 @@ def obstacle_frames(parts: Array) -> list[dict[str, Any]]:
         times = (float(part["opens"]), float(part["closes"]))
         opens, closes = (round(time, 4) if math.isfinite(time) else None for time in times)
         edges = [round(float(value), 4) for value in _edges(part).ravel()]
-        paint = [round(float(value), 4) for value in paint_of(int(part["kind"]))]
+        paint = [round(float(value), 4) for value in OBSTACLE_PAINTS[int(part["kind"])]]
         found.append({"edges": edges, "paint": paint, "opens": opens, "closes": closes})
     return found
 

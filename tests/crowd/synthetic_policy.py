@@ -136,12 +136,17 @@ def policy(seed=0, lookup="v", frames=40, stride=4, name="synthetic"):
     return Policy(name, motion, model, actions, tuple(behaviours), body, values, {}, {}, "", {})
 
 
-def with_headings(chosen, seed=3):
-    """Return a policy whose behaviours see which way their target faces, one of them beside its height."""
+def with_axes(chosen, *axes, seed=3):
+    """Return a policy whose behaviours have further axes, with random values."""
     rng, behaviours = np.random.default_rng(seed), []
     for each in chosen.behaviours:
-        grid = build_grid([*each.grid.axes, Axis("heading", -np.pi, np.pi, 5, wraps=True)])
-        table = rng.uniform(0, 5, len(each.table) * 5).astype(np.float32)
+        grid = build_grid([*each.grid.axes, *axes])
+        table = rng.uniform(0, 5, len(each.table) * grid.cells // each.grid.cells).astype(np.float32)
         behaviours.append(replace(each, grid=grid, table=table))
     values = np.concatenate([each.table for each in behaviours])
     return replace(chosen, behaviours=tuple(behaviours), values=values)
+
+
+def with_headings(chosen):
+    """Return a policy whose behaviours see which way their target faces, one of them beside its height."""
+    return with_axes(chosen, Axis("heading", -np.pi, np.pi, 5, wraps=True))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from avatar_fields import set_situations
 from naive_policy import action_values
-from synthetic_policy import policy, with_headings
+from synthetic_policy import policy, with_axes
 
 from crowdsim.crowd import buffers, simulation
 from crowdsim.crowd.buffers import empty_record, empty_scratch
@@ -23,9 +23,15 @@ from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.triggers import AtFrame, Landed, Near
 from crowdsim.errors import RunError
 from crowdsim.policy.bundle import encode
+from crowdsim.policy.environment import Axis
 from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TransitionTerm
 from crowdsim.scenario.scenario import load_scenario
 
+FURTHER = {
+    "headings": [Axis("heading", -np.pi, np.pi, 5, wraps=True)],
+    "velocities": [Axis("velocity", -0.1, 0.1, 4)],
+    "impacts": [Axis("impact", 0.0, 8.0, 5)],
+}
 STRIKES = StrikeTerm(kind="strike", tolerance=0.3)
 POLICIES = [policy(0, "v", name="one"), policy(1, "q", frames=50, stride=2, name="two")]
 
@@ -101,8 +107,13 @@ def test_a_run_is_that_of_the_naive_twin(name, fields, targets):
     ],
     ids=["free for all", "a scripted target", "a rectangle"],
 )
-def test_a_run_with_policies_that_see_headings_is_that_of_the_naive_twin(fields, targets):
-    compare_with_twin(crowd(**fields, targets=targets), [with_headings(one) for one in POLICIES])
+@pytest.mark.parametrize("axes", FURTHER.values(), ids=FURTHER.keys())
+def test_a_run_with_policies_that_see_more_is_that_of_the_naive_twin(fields, targets, axes):
+    people = crowd(**fields, targets=targets, reactions=np.array([1]))
+    seeing = [with_axes(one, *axes) for one in POLICIES]
+    compare_with_twin(people, seeing)
+    assert not np.array_equal(*(whole(simulate(replace(people, policies=tuple(all_of)), 60))[0]["action"]
+                                for all_of in (seeing, POLICIES)))  # fmt: skip
 
 
 def compare_with_twin(people, policies):

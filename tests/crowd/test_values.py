@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 from avatar_fields import set_situations
 from naive_policy import action_values
-from synthetic_policy import policy, with_headings
+from synthetic_policy import policy, with_axes, with_headings
 
 from crowdsim.crowd.buffers import empty_scratch
 from crowdsim.crowd.kernels.values import value_actions
 from crowdsim.crowd.model import build_model
-from crowdsim.policy.axes.axis import Target
+from crowdsim.policy.axes.axis import UNSEEN_STRIKE, Target
 from crowdsim.policy.bundle import encode
+from crowdsim.policy.environment import Axis
 from crowdsim.policy.kernels.axes import Corners
 from crowdsim.policy.kernels.values import evaluate_actions
-from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TransitionTerm
+from crowdsim.policy.rewards import HitTerm, ProximityTerm, StrikeTerm, TransitionTerm
 
 
 def near(**fields):
@@ -51,6 +52,13 @@ TERMS = {
 }
 
 
+SEEN = {
+    "velocity": [Axis("velocity", -0.1, 0.2, 4, fade=0.1)],
+    "impact": [Axis("impact", 0.0, 6.0, 4, fade=1.0)],
+    "heading and impact": [Axis("heading", -np.pi, np.pi, 4, wraps=True), Axis("impact", 1.0, 4.0, 3, stretch=2.0)],
+}
+
+
 def with_terms(chosen, terms):
     """A policy whose behaviours have these terms."""
     behaviours = tuple(replace(each, terms=tuple(terms)) for each in chosen.behaviours)
@@ -80,16 +88,17 @@ def compare(chosen, seed=0, count=60):
     moving = rng.normal(0.0, 0.1, (count, 2))
     lasts = rng.choice([0.0, 0.7, 2.0, 3.5, np.inf], count)
     headings = rng.uniform(-np.pi, np.pi, count)
+    impacts = np.where(rng.random(count) < 0.7, rng.uniform(0.0, 8.0, count), UNSEEN_STRIKE)
     scratch.order[:], scratch.cohorts[:], scratch.policies[:] = rng.permutation(count), np.arange(count), 0
     scratch.states[:] = states
-    set_situations(scratch, np.column_stack([targets, moving, lasts, headings]))
+    set_situations(scratch, np.column_stack([targets, moving, headings, impacts, lasts]))
     scratch.values[:] = np.nan
     value_actions(model, weights, scratch, 0, count)
     found = []
     for k in range(count):
         named = {each.name: weights[k, column] for column, each in enumerate(chosen.behaviours)}
         velocity = (moving[k, 0], 0.0, moving[k, 1])
-        expected = action_values(chosen, named, states[k], (*targets[k], headings[k]), velocity, lasts[k])
+        expected = action_values(chosen, named, states[k], (*targets[k], headings[k], impacts[k]), velocity, lasts[k])
         found.append(scratch.values[k, : len(expected)].copy())
         np.testing.assert_allclose(found[-1], expected, rtol=2e-6, atol=2e-6)
     return np.concatenate(found)
@@ -124,9 +133,22 @@ def test_values_for_a_target_that_faces_some_way_are_those_of_the_plain_version(
 
 
 @pytest.mark.parametrize("lookup", ["v", "q"])
+@pytest.mark.parametrize("axes", SEEN.values(), ids=SEEN.keys())
+def test_values_on_further_axes_are_those_of_the_plain_version(lookup, axes):
+    chosen = with_axes(policy(4, lookup), *axes)
+    if axes[-1].name == "impact":
+        first, last = chosen.behaviours
+        hit = HitTerm(kind="hit", distance=(0.5, 0.9), weight=2.0, sigma=0.2)
+        chosen = replace(chosen, behaviours=(replace(first, terms=(*first.terms, hit)), last))
+    assert np.abs(compare(chosen) - compare(policy(4, lookup))).max() > 0.05, "the axes count"
+
+
+@pytest.mark.parametrize("lookup", ["v", "q"])
 @pytest.mark.parametrize("terms", [TERMS["all"], [PRICE], TERMS["bands that differ in one number"]])
-def test_values_in_training_are_those_of_the_plain_version(lookup, terms):
+@pytest.mark.parametrize("seen", ["velocity", "impact"])
+def test_values_in_training_are_those_of_the_plain_version(lookup, terms, seen):
     chosen = with_headings(stretched(with_terms(policy(4, lookup), terms)))
+    chosen = with_axes(chosen, Axis("velocity", -0.1, 0.1, 3) if seen == "velocity" else Axis("impact", 0.0, 6.0, 3))
     first, last = chosen.behaviours
     chosen = replace(chosen, behaviours=(first, replace(last, scale=0.7)))
     tables, rng = chosen.lookup_tables(), np.random.default_rng(1)
@@ -136,9 +158,10 @@ def test_values_in_training_are_those_of_the_plain_version(lookup, terms):
         target = rng.uniform([-2.0, 1.0, -2.0], [2.0, 1.8, 2.0])
         vx, vz = rng.normal(0.0, 0.1, 2) * rng.integers(0, 2)
         heading = rng.uniform(-4.0, 4.0)
-        n = evaluate_actions(tables, weights, state, Target(*target, vx, vz, heading), corners, out)
+        impact = float(rng.choice([0.3, 2.5, 4.0, UNSEEN_STRIKE]))
+        n = evaluate_actions(tables, weights, state, Target(*target, vx, vz, heading, impact, np.inf), corners, out)
         named = {each.name: weight for each, weight in zip(chosen.behaviours, weights, strict=True)}
-        expected = action_values(chosen, named, state, (*target, heading), (vx, 0.0, vz))
+        expected = action_values(chosen, named, state, (*target, heading, impact), (vx, 0.0, vz))
         np.testing.assert_allclose(out[:n], expected, rtol=1e-5, atol=1e-5)
 
 

@@ -144,7 +144,8 @@ def test_an_axis_of_one_point_is_the_same_everywhere():
     [
         (
             [Axis("distanz", 0, 1, 2)],
-            "unknown axis 'distanz', expected one of distance, bearing, height, heading (did you mean 'distance'?)",
+            "unknown axis 'distanz', expected one of distance, bearing, height, heading, velocity, impact "
+            "(did you mean 'distance'?)",
         ),
         ([Axis("distance", 0, 1, 0)], "axis 'distance' has 0 grid points, expected 1 or more"),
         ([Axis("distance", 1, 1, 2)], "axis 'distance' reaches from 1 to 1, expected a range upwards"),
@@ -176,5 +177,5 @@ def test_axes_over_the_ground_come_first_in_a_grid():
 @pytest.mark.parametrize("kind", AXES, ids=NAMES)
 def test_an_axis_measures_what_it_places(kind):
     values = np.linspace(0.1, 3.0, 7)
-    placed = kind.place(Target(*(np.full(7, number) for number in (0.3, 1.5, 0.8, 0.0, 0.0, 0.7))), values)
+    placed = kind.place(Target(*(np.full(7, number) for number in (0.3, 1.5, 0.8, 0.1, 0.0, 0.7, 5.0, 2.0))), values)
     assert [kind.value(Target(*one)) for one in zip(*placed, strict=True)] == pytest.approx(values)

@@ -69,6 +69,8 @@ KIND = AxisKind(
     name="pace",
     unit="m",
     description="How far it moves in a control frame [m].",
+    observed="Its velocity.",
+    trained="It stays.",
     measure=measure,
     place=lambda target, pace: target._replace(vz=pace),
     lowest=lambda motion: 0.0,
@@ -145,7 +147,7 @@ scratch, corners, out = empty_scratch(model, 1, 20), Corners(np.empty(64, np.int
 states = draw.integers(chosen.actions.state_count, size=20)
 seen = draw.uniform([-1.0, 1.2, -1.0, -0.05, -0.05, -3.0], [1.0, 1.7, 1.0, 0.05, 0.05, 3.0], (20, 6))
 scratch.order[:], scratch.cohorts[:], scratch.policies[:], scratch.states[:] = np.arange(20), 0, 0, states
-set_situations(scratch, np.column_stack([seen[:, :5], np.full(20, np.inf), seen[:, 5]]))
+set_situations(scratch, np.column_stack([seen, np.full((20, 2), np.inf)]))
 value_actions(model, np.ones((1, 2)), scratch, 0, 20)
 for k in range(20):
     n = evaluate_actions(tables, np.ones(2), states[k], Target(*seen[k]), corners, out)
@@ -168,11 +170,9 @@ def test_a_term_and_an_axis_are_a_file_each_and_their_places_in_lists(tmp_path: 
     (terms / "behind.py").write_text(TERM, encoding="utf-8")
     (axes / "pace.py").write_text(AXIS, encoding="utf-8")
     line = "from crowdsim.policy.terms.behind import BehindTerm"
-    listed(terms / "registry.py", line, "ProximityTerm, TransitionTerm)", "ProximityTerm, TransitionTerm, BehindTerm)")
+    listed(terms / "registry.py", line, "TransitionTerm, HitTerm)", "TransitionTerm, HitTerm, BehindTerm)")
     line = "from crowdsim.policy.axes.pace import KIND as PACE"
-    listed(
-        axes / "registry.py", line, "(DISTANCE, BEARING, HEIGHT, HEADING)", "(DISTANCE, BEARING, HEIGHT, HEADING, PACE)"
-    )
+    listed(axes / "registry.py", line, "VELOCITY, IMPACT)", "VELOCITY, IMPACT, PACE)")
     path = os.pathsep.join(map(str, (tmp_path, ROOT / "tests", ROOT / "tests" / "crowd")))
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM], env={**os.environ, "PYTHONPATH": path}, cwd=tmp_path, text=True,

@@ -11,10 +11,9 @@ from naive_policy import surface_distance as naive_distance
 from crowdsim.core.bodies import PosedBody, lands_on_posed_body
 from crowdsim.crowd.kernels.records import ACTION, REACH
 from crowdsim.crowd.kernels.rewards import Options, add_strikes
-from crowdsim.crowd.kernels.values import Target
 from crowdsim.errors import RecipeError
 from crowdsim.policy.actions import Actions
-from crowdsim.policy.axes.axis import Target as Observed
+from crowdsim.policy.axes.axis import Target
 from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.kernels import rewards as kernels
 from crowdsim.policy.policy import Behaviour, build_lookup_tables
@@ -63,7 +62,7 @@ GRID = build_grid([Axis("distance", 0.0, 2.0, 2)])
 def compiled(actions, action, target, terms, velocity=(0.0, 0.0), discount=0.97):
     table = np.zeros(actions.state_count * GRID.cells, np.float32)
     behaviour = Behaviour("one", GRID, "v", table, 1.0, tuple(terms), discount)
-    seen = Observed(*map(float, target), *map(float, velocity), 0.0)
+    seen = Target(*map(float, target), *map(float, velocity), 0.0)
     return kernels.action_reward(build_lookup_tables(actions, (behaviour,), BODY), 0, action, seen)
 
 
@@ -128,12 +127,12 @@ def test_a_term_that_is_not_registered_is_refused_by_name():
     ):
         with pytest.raises(RecipeError) as error:
             use()
-        assert str(error.value) == "'toy' is no reward term, expected one of strike, proximity, transition"
+        assert str(error.value) == "'toy' is no reward term, expected one of strike, proximity, transition, hit"
 
 
 def test_every_registered_term_has_a_key_in_recipes():
     assert set(get_args(get_args(AnyTerm)[0])) == set(REGISTERED)
-    assert names() == ["strike", "proximity", "transition"]
+    assert names() == ["strike", "proximity", "transition", "hit"]
 
 
 def test_terms_add_up():
@@ -219,7 +218,7 @@ def lands_in_control(points, head, term, origin=None):
     row["column"] = 0
     out = np.zeros(count)
     model = Rewarded(actions, strikes, earnings, row)
-    target = Target(*head, 0.0, 0.0, np.inf, 0.0)
+    target = Target(*head)
     add_strikes(model, 0, Options(0, count, out), target, 1.0, np.empty(count))
     return out == 1.0
 

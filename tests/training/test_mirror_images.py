@@ -82,8 +82,17 @@ def test_a_graph_that_is_not_its_own_mirror_image_is_known(motion, wide):
 @pytest.mark.parametrize("target", [STILL, MOVING], ids=["still", "moving"])
 @pytest.mark.parametrize(
     "options",
-    [{}, {"lookup": "q"}, {"finer": 2}, {"axes": {**GRID, "heading": {"count": 6}}}],
-    ids=["v", "q", "finer", "heading"],
+    [
+        {},
+        {"lookup": "q"},
+        {"finer": 2},
+        {"axes": {**GRID, "heading": {"count": 6}}},
+        {
+            "axes": {**GRID, "velocity": {"count": 3}, "impact": {"count": 4}},
+            "rewards": [*SPEC["rewards"], {"kind": "hit"}],
+        },
+    ],
+    ids=["v", "q", "finer", "heading", "velocity and impact"],
 )
 def test_values_of_captured_states_and_their_images_are_those_of_all_states(motion, pruned, target, options):
     spec = recipe_of(target=target, **options).behaviours["fight"]

@@ -24,7 +24,33 @@ def motion():
         heads=heads,
         head_heights=heads[:, 1],
         body=SimpleNamespace(torso_radius=0.15),
+        control_rate=15.0,
     )
+
+
+def test_a_recipes_seconds_are_a_grids_control_frames(motion):
+    reward = [{"kind": "hit", "distance": [0.5, 1.0]}, {"kind": "strike"}]
+    axes = {
+        "distance": {"count": 4},
+        "velocity": {"count": 3, "minimum": -1.5, "maximum": 3.0, "fade": 0.3},
+        "impact": {"count": 4, "maximum": 0.6, "fade": 0.2},
+    }
+    spec = BehaviourSpec.model_validate({"axes": axes, "rewards": reward})
+    velocity, impact = resolve_grid(spec, motion).axes[1:]
+    assert (velocity.minimum, velocity.maximum, velocity.fade) == pytest.approx((-0.1, 0.2, 0.02))
+    assert (impact.minimum, impact.maximum, impact.fade) == pytest.approx((0.0, 9.0, 3.0))
+
+
+def test_velocities_that_are_left_out_are_those_of_the_motion_and_of_no_jump_between_clips(motion):
+    steps = np.where(np.arange(99) == 49, 30.0, np.linspace(0.0, 0.02, 99))
+    way = np.concatenate([[0.0], np.cumsum(steps)])
+    moving = SimpleNamespace(
+        **{**vars(motion), "ground": np.stack([way, 0.0 * way, 0.0 * way], -1), "stride": 1},
+        clip_starts=np.array([0, 50, 100]),
+    )
+    velocity = grid_of(moving, distance={}, velocity={})["velocity"]
+    assert velocity.maximum == pytest.approx(np.percentile(np.delete(steps, 49), 95.0), abs=1e-4)
+    assert velocity.minimum == -velocity.maximum
 
 
 def grid_of(motion, **axes):
@@ -61,7 +87,7 @@ def test_other_axes_go_all_round_and_a_step_past_what_strikes_reach(motion):
 def test_motion_without_strikes_has_no_reach(motion):
     still = SimpleNamespace(
         **{**vars(motion), "strike_frames": np.zeros(0, int), "body": SimpleNamespace(height=1.75)},
-        control_rate=15.0, clip_starts=np.array([0, 15, 30]), clip_names=("a", "a~mirror"),
+        clip_starts=np.array([0, 15, 30]), clip_names=("a", "a~mirror"),
     )  # fmt: skip
     with pytest.raises(MotionError, match=r"no strikes found in 1\.0 s of motion, .* moves at 2\.3 m/s or more"):
         grid_of(still, distance={"reach": True})

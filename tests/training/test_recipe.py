@@ -105,6 +105,11 @@ def test_every_axis_and_every_reward_can_be_written_in_a_recipe():
     assert [term.model_fields["kind"].annotation.__args__[0] for term in TERMS] == names()
 
 
+def with_axis(name, keys):
+    """The recipe with one more axis."""
+    return changed("      bearing:", f"      {name}: {{{keys}}}\n      bearing:")
+
+
 HEADING = "      bearing:", "      heading: {count: 6}\n      bearing:"
 
 
@@ -113,16 +118,36 @@ HEADING = "      bearing:", "      heading: {count: 6}\n      bearing:"
     [
         (
             changed(*HEADING) + "    backup: max_of_interpolated\n",
-            "axes.heading: turns with the avatar, which needs the backup interpolation_of_max, not max_of_interpolated",
+            "axes.heading: changes with each action, which needs the backup interpolation_of_max, not max_",
         ),
         (
             changed(HEADING[0], HEADING[1].replace("6", "6, stretch: 2")),
             "expected even steps of a heading",
         ),
         (changed(HEADING[0], HEADING[1].replace("6", "6, reach: true")), "strikes reach no heading, expected false"),
+        (
+            with_axis("velocity", "count: 4") + "    backup: max_of_interpolated\n",
+            "axes.velocity: changes with each action, which needs the backup interpolation_of_max, not",
+        ),
+        (
+            with_axis("velocity", "count: 4, maximum: 30"),
+            "axes.velocity.maximum: is 30, expected values from -10 to 10 m/s",
+        ),
+        (with_axis("velocity", "count: 4, minimum: 1, maximum: 0.5"), "is 0.5, expected more than the minimum 1"),
+        (with_axis("velocity", "count: 4, stretch: 1"), "expected even steps of a velocity"),
+        (with_axis("impact", "count: 4"), "axes.impact: changes nothing, expected a reward 'hit' or a fade"),
+        (with_axis("impact", "count: 4, reach: true"), "strikes reach no impact, expected false"),
+        (
+            with_axis("impact", "count: 4, minimum: -0.5"),
+            "axes.impact.minimum: is -0.5, expected values from 0 to 10 s",
+        ),
+        (
+            changed("kind: strike", "kind: hit").replace("        tolerance: 0.1\n", ""),
+            "rewards[0]: (hit) needs the axis impact, the grid has distance, bearing",
+        ),
     ],
 )
-def test_a_heading_that_cannot_be_learned_is_a_finding(tmp_path, recipe, finding):
+def test_an_axis_that_cannot_be_learned_is_a_finding(tmp_path, recipe, finding):
     [line] = faults(tmp_path, recipe)
     assert finding in line
 

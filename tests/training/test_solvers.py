@@ -8,7 +8,7 @@ from naive_policy import value_iteration as naive_value_iteration
 from crowdsim.core.workers import limited
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.environment import Axis, build_grid
-from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, TargetBody, TransitionTerm
+from crowdsim.policy.rewards import HitTerm, ProximityTerm, StrikeTerm, TargetBody, TransitionTerm
 from crowdsim.training.kernels.exploration import Learning, try_everything
 from crowdsim.training.kernels.successors import END, GROUND_AXIS, empty_successors, find_successors
 from crowdsim.training.model import BACKUPS, build_model, build_movement
@@ -70,7 +70,7 @@ def test_successors_are_where_the_plain_grid_sees_the_target_after_each_action(g
 def test_bearings_come_within_a_few_millionths_of_the_arc_tangent():
     angles = np.concatenate([np.linspace(-np.pi, np.pi, 2001), np.arange(-4, 5) * np.pi / 4])
     axes = np.array([(0, 1, 1, 0, 0, 0), (-np.pi, 1000, 7000, 0, 0, 1)], GROUND_AXIS)
-    ends, count = np.array([(0, 0, 1, 0, 0, 1)], END), len(angles)
+    ends, count = np.array([(0, 0, 1, 0, 0, 1, 1)], END), len(angles)
     found = empty_successors(count)
     find_successors(axes, ends[0], *(part(angles).astype(np.float32) for part in (np.sin, np.cos)), found)
     error = (found.lowers + found.around) / 1000.0 - np.pi - angles
@@ -78,23 +78,35 @@ def test_bearings_come_within_a_few_millionths_of_the_arc_tangent():
     assert np.abs(error).max() < 5e-6
 
 
-TURNING = {
+CHANGING = {
     "heading": [Axis("heading", -np.pi, np.pi, 5, wraps=True)],
     "height and heading": [Axis("height", 1.2, 1.6, 2), Axis("heading", -np.pi, np.pi, 4, wraps=True)],
     "part of a heading": [Axis("heading", -2.0, 1.0, 4)],
-}
+    "velocity": [Axis("velocity", -0.1, 0.2, 4)],
+    "height and velocity": [Axis("height", 1.2, 1.6, 2), Axis("velocity", -0.2, 0.1, 3)],
+    "impact": [Axis("impact", 0.0, 5.0, 4)],
+    "heading, velocity and impact": [
+        Axis("heading", -np.pi, np.pi, 3, wraps=True), Axis("velocity", -0.1, 0.1, 3), Axis("impact", 1.0, 4.0, 3)
+    ],
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("layers", TURNING.values(), ids=TURNING.keys())
+@pytest.mark.parametrize("layers", CHANGING.values(), ids=CHANGING.keys())
 @pytest.mark.parametrize("movement", [build_movement(), build_movement(1.0, 3, 0.4)], ids=["still", "moving"])
-def test_a_heading_turns_with_the_avatar_as_a_naive_solver_says(layers, movement):
+def test_what_is_seen_changes_while_the_avatar_acts_as_a_naive_solver_says(layers, movement):
     grid, actions = build_grid([Axis("distance", 0.2, 1.4, 4), CIRCLE, *layers]), random_actions(states=4)
+    hit = HitTerm(kind="hit", distance=(0.4, 0.7), sigma=0.2)
+    terms = (*TERMS, hit) if grid.axes[-1].name == "impact" else TERMS
     backup = "interpolation_of_max"
-    naive = naive_value_iteration(actions, grid, TERMS, BODY, DISCOUNT, movement, backup, sweeps=60)
-    model = model_of(grid, movement, actions)
+    naive = naive_value_iteration(actions, grid, terms, BODY, DISCOUNT, movement, backup, sweeps=60)
+    model = build_model(actions, grid, terms, BODY, DISCOUNT, movement)
     found = value_iteration(model, backup, tolerance=1e-6)
     assert found.converged
     np.testing.assert_allclose(by_action(actions, grid.cells, q_table(model, found.values)), naive, atol=1e-5)
+    values = found.values.reshape(-1, *grid.shape)
+    for place, axis in enumerate(grid.axes, start=1):
+        if axis.name in ("velocity", "impact"):
+            assert np.ptp(values, axis=place).max() > 0.01, f"{axis.name} counts"
 
 
 def test_an_mdp_with_a_known_answer_is_solved():

@@ -12,8 +12,10 @@ from crowdsim.crowd.kernels.layout import AHEAD, FORESEEN, HEAD, Target
 from crowdsim.crowd.kernels.noticing import noticed, see_fallen
 from crowdsim.crowd.kernels.opponents import change_opponent
 from crowdsim.crowd.kernels.prefetch import prefetch, prefetch_avatar
+from crowdsim.crowd.kernels.terms.defence import see_threat
 from crowdsim.crowd.kernels.travelling import see_way, travels
 from crowdsim.jit import kernel
+from crowdsim.policy.axes.axis import UNSEEN_STRIKE
 
 AT_HAND = 0.75  # distance of a scripted target beyond which an avatar walks to where the two will meet [m]
 WALKS = 0.08  # how far it walks in a control frame meanwhile [m]
@@ -68,6 +70,9 @@ def observe(model, avatars, world, now, due, count, observed, scratch):
         _write_situation(avatars, own, target, scratch.situations, q)
         faces = avatars.heading[slot_of[opponent]] if opponent >= 0 else math.atan2(target.vx, target.vz)
         scratch.situations[q].heading = faces - avatars.heading[own]
+        if model.sizes[avatars.policy[own]].watches > 0.0:
+            impact = see_threat(model, avatars, world.cohorts, now, own, observed, q).frames * avatars.motion[own].speed
+            scratch.situations[q].impact = min(impact, UNSEEN_STRIKE)
         state = model.actions[avatars.motion[own].action].next
         for action in range(model.offsets[state], model.offsets[state + 1], 2):
             prefetch(model.moves, action)

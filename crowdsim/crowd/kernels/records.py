@@ -170,14 +170,14 @@ POLICY = np.dtype(_fields(_I4, "stride", "behaviours", "actions", "states"))
 SIZE = np.dtype(
     _fields(
         _F8, "head_radius", "torso_radius", "neck_drop", "pelvis_drop", "tolerance", "reach", "pace", "farthest",
-        "soon", "later", "strong", "space", "forearm_radius", "glove_radius",
+        "later", "watches", "strong", "space", "forearm_radius", "glove_radius",
     )
 )  # fmt: skip
 """Sizes of the bodies of a policy: radius of head and torso, drop from the head to neck and pelvis, a strike's
 tolerance; how far the surface of head and torso is from the body's position at most, and how far it moves in a control
-frame at most; the distance beyond which all grids end [m]; how much later moving targets are seen, as in
-``policy.LookupTables.leads`` [control frames]; the speed from which on a strike is strong [m/s]; the share of
-``Crowding``'s gap that bodies keep; radius of forearm and glove [m]."""
+frame at most; the distance beyond which all grids end [m]; how much later than the end of an action moving targets are
+seen (``policy.environment.LEAD``) [control frames]; whether a grid sees when strikes reach furthest; the speed from
+which on a strike is strong [m/s]; the share of ``Crowding``'s gap that bodies keep; radius of forearm and glove [m]."""
 
 GRID_AXIS = np.dtype(_fields(_F8, "first", "per_unit", "points", "wraps", "apart", "fade", "least", "greatest", "rate"))
 """An axis of a behaviour's grid: the first grid point, grid points in a unit of it (squeezed, see
@@ -208,8 +208,8 @@ REST_ENTRY = np.dtype(_fields(_I4, "enter", "row", "until"))
 """How a state leads to a rest: the action that leads there, or -1; the row of ``Model.rests`` in the pose of whose end
 that ends; and how many actions lead to a state that has one (``resting.NO_WAY``: none do)."""
 
-SITUATION = np.dtype(_fields(_F8, "x", "y", "z", "vx", "vz", "lasts", "heading"))
-"""A target as an avatar sees it, for a body of scale 1: the fields of ``values.Target``."""
+SITUATION = np.dtype(_fields(_F8, "x", "y", "z", "vx", "vz", "heading", "impact", "lasts"))
+"""A target as an avatar sees it, for a body of scale 1: the fields of ``policy.axes.axis.Target``."""
 
 NEIGHBOUR = np.dtype(
     _fields(

@@ -77,7 +77,8 @@ def _build_frames(name, read, gap):
             row = np.uint64(first + k)
             t = min(np.float64(paths.time[row]), lasts)
             dx, dz = x + t * vx - paths.x[row], z + t * vz - paths.z[row]
-            seen = Seen(dx, dz, np.float64(paths.sin[row]), np.float64(paths.cos[row]), facing_sin, facing_cos)
+            sin, cos, due = np.float64(paths.sin[row]), np.float64(paths.cos[row]), target.impact - paths.time[row]
+            seen = Seen(dx, dz, sin, cos, facing_sin, facing_cos, due)
             out[k] += weight * exponential(-gap(seen, wanted))
 
     return kernel(add, inline=True, name=f"add_rows_of_{name}")

@@ -1,7 +1,6 @@
 """What the actions of a state are worth: ``policy.kernels.values`` for many situations at a time."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,29 +21,8 @@ from crowdsim.crowd.kernels.prefetch import prefetch
 from crowdsim.crowd.kernels.rewards import Options, add_terms, count_price_once
 from crowdsim.crowd.kernels.tables import Cell, add_rows, fade, interpolate, locate, locate_ends, whole_lanes
 from crowdsim.jit import kernel
-from crowdsim.policy.axes.registry import measure
-
-
-class Target(NamedTuple):
-    """A target in an avatar's ground frame.
-
-    Attributes:
-        x: Where its head is, to the left [m].
-        y: Upwards.
-        z: Ahead.
-        vx: How far it moves in a frame, along x [m].
-        vz: Along z.
-        lasts: For how many frames.
-        heading: Which way it faces [rad].
-    """
-
-    x: float
-    y: float
-    z: float
-    vx: float
-    vz: float
-    lasts: float
-    heading: float
+from crowdsim.policy.axes.axis import End, Target
+from crowdsim.policy.axes.registry import after, measure
 
 
 @kernel(inline=True)
@@ -109,7 +87,7 @@ def _value_block(model, weights, scratch, first, count, policy):
 def _target_of(scratch, q):
     """Return the target of a situation."""
     found = scratch.situations[q]
-    return Target(found.x, found.y, found.z, found.vx, found.vz, found.lasts, found.heading)
+    return Target(found.x, found.y, found.z, found.vx, found.vz, found.heading, found.impact, found.lasts)
 
 
 @kernel(inline=True)
@@ -164,9 +142,6 @@ def _find_cells(model, weights, scratch, q, d, policy, distance):
     """
     behaviours, grids, target = model.behaviours, model.grids, _target_of(scratch, q)
     begun, end = model.policies[policy].behaviours, model.policies[policy + 1].behaviours
-    # Tables of Q-values hold targets at rest only: they are read at the position of the target half an action later.
-    t = min(model.sizes[policy].soon, target.lasts)
-    soon_x, soon_z = target.x + t * target.vx, target.z + t * target.vz
     ahead = False
     for b in range(begun, end):
         spot = d * (end - begun) + b - begun
@@ -181,13 +156,16 @@ def _find_cells(model, weights, scratch, q, d, policy, distance):
         if factor == 0.0:
             continue
         if behaviours[b].further:
-            cell, scratch.spots[spot, 3], scratch.parts[spot, 2] = 0, 0, 0.0  # see ``_corner_of_layers``
+            cell, scratch.spots[spot, 3], scratch.parts[spot, 2] = 0, 0, 0.0  # see ``_split_layers``
         else:
             cell, scratch.spots[spot, 3], scratch.parts[spot, 2] = locate(grids[b, HEIGHT], target.y)
         if behaviours[b].looks_ahead:
             ahead = True
             scratch.spots[spot, 0] = behaviours[b].table + cell
         else:
+            # Tables of targets at rest are read at the position of the target half an action later.
+            t = min(behaviours[b].lead_now, target.lasts)
+            soon_x, soon_z = target.x + t * target.vx, target.z + t * target.vz
             _find_rows(model, b, scratch.states[q], scratch, spot, cell, soon_x, soon_z)
     return ahead
 
@@ -295,16 +273,16 @@ def _add_end_values(model, b, slot, options, spot, begin, factor, scratch):
 
 
 @kernel(inline=True)
-def _corner_of_layers(grids, b, target, corner):
-    """Return one of the cells around a target on the axes that are not over the ground, and its weight."""
-    cell, weight = 0, 1.0
-    for kind in range(HEIGHT, grids.shape[1]):
-        lower, step, share = locate(grids[b, kind], measure(kind, target))
-        if (corner >> (kind - HEIGHT)) & 1 == 1:
-            cell, weight = cell + lower + step, weight * share
-        else:
-            cell, weight = cell + lower, weight * (1.0 - share)
-    return cell, weight
+def _split_layers(axis, value, scratch, count):
+    """Split each of ``count`` layers among its neighbours along one more axis; return how many there are then."""
+    if axis.points == 1.0:
+        return count
+    layers, shares = scratch.layers, scratch.layer_shares
+    lower, step, share = locate(axis, value)
+    for corner in range(count):
+        layers[count + corner], shares[count + corner] = layers[corner] + lower + step, shares[corner] * share
+        layers[corner], shares[corner] = layers[corner] + lower, shares[corner] * (1.0 - share)
+    return 2 * count
 
 
 @kernel(allocates=False)
@@ -313,30 +291,57 @@ def _add_row_values_of_layers(model, b, options, spot, target, factor, scratch):
     spots, parts, behaviour, out = scratch.spots, scratch.parts, model.behaviours[b], options.values
     for k in range(options.n):
         out[k] += factor * behaviour.low
-    for corner in range(1 << (model.grids.shape[1] - HEIGHT)):
-        layer, weight = _corner_of_layers(model.grids, b, target, corner)
+    count = 1
+    scratch.layers[0], scratch.layer_shares[0] = 0, 1.0
+    for kind in range(HEIGHT, model.grids.shape[1]):
+        count = _split_layers(model.grids[b, kind], measure(kind, target), scratch, count)
+    for corner in range(count):
+        weight = scratch.layer_shares[corner]
         if weight > 0.0:
-            at = spots[spot, 0] + layer * options.n
+            at = spots[spot, 0] + scratch.layers[corner] * options.n
             cell = Cell(at, spots[spot, 1], spots[spot, 2], 0, parts[spot, 0], parts[spot, 1], 0.0)
             add_rows(model.table, cell, factor * behaviour.step * weight, options.n, out)
 
 
 @kernel(allocates=False)
 def _add_end_values_of_layers(model, b, slot, options, spot, begin, target, factor, scratch):
-    """Do what ``_add_end_values`` does for a grid of further axes, which may turn with the avatar in each action."""
+    """Do what ``_add_end_values`` does for a grid of further axes, which may change with each action."""
     behaviour, moves, near, at = model.behaviours[b], model.moves, scratch.nears[slot], scratch.spots[spot, 0]
     cells, steps = scratch.cells[2 * slot], scratch.cells[2 * slot + 1]
     parts, turns = scratch.work[WORK_SHARES + 2 * slot], scratch.work[WORK_SHARES + 1 + 2 * slot]
     for k in range(options.n):
         pair, action = np.uint64(begin + k), np.uint64(options.offset + k)
-        heading = target.heading - math.atan2(moves[action].sin, moves[action].cos)
-        seen = Target(target.x, target.y, target.z, target.vx, target.vz, target.lasts, heading)
+        length = np.float64(model.actions[action].length)
+        over_ground = Cell(at + np.int64(cells[pair]), near, np.int64(steps[pair]), 0, parts[pair], turns[pair], 0.0)
+        if behaviour.lead_later == 0.0:
+            over_ground = _cell_at_end(model, b, action, target, at)
+        turned = End(math.atan2(moves[action].sin, moves[action].cos), length, 1.0)
+        count = 1
+        scratch.layers[0], scratch.layer_shares[0] = 0, 1.0
+        for kind in range(HEIGHT, model.grids.shape[1]):
+            if model.grids[b, kind].points > 1.0:
+                value = after(kind, measure(kind, target), turned)
+                count = _split_layers(model.grids[b, kind], value, scratch, count)
         value = 0.0
-        for corner in range(1 << (model.grids.shape[1] - HEIGHT)):
-            layer, weight = _corner_of_layers(model.grids, b, seen, corner)
+        for corner in range(count):
+            weight = scratch.layer_shares[corner]
             if weight > 0.0:
-                start = at + layer + np.int64(cells[pair])
-                cell = Cell(start, near, np.int64(steps[pair]), 0, parts[pair], turns[pair], 0.0)
+                start = over_ground.at + scratch.layers[corner]
+                cell = Cell(
+                    start, over_ground.near, over_ground.aside, 0, over_ground.near_share, over_ground.aside_share, 0.0
+                )
                 value += weight * interpolate(model.table, cell)
         value = (behaviour.low + behaviour.step * value) * model.discounts[b, 0, model.actions[action].length]
         options.values[np.uint64(k)] += factor * (value - model.prices[action, slot])
+
+
+@kernel(inline=True)
+def _cell_at_end(model, b, action, target, at):
+    """Return the cell over the ground of a target at the very end of an action, in the table of the state behind it."""
+    move, t = model.moves[action], min(np.float64(model.actions[action].length), target.lasts)
+    dx, dz = target.x + t * target.vx - move.x, target.z + t * target.vz - move.z
+    x, z = dx * move.cos - dz * move.sin, dx * move.sin + dz * move.cos
+    near, near_step, near_share = locate(model.grids[b, DISTANCE], math.sqrt(x * x + z * z))
+    aside, aside_step, aside_share = locate(model.grids[b, BEARING], math.atan2(x, z))
+    first = at + np.int64(model.actions[action].next) * model.behaviours[b].cells + near + aside
+    return Cell(first, near_step, aside_step, 0, near_share, aside_share, 0.0)

@@ -14,14 +14,22 @@ def measure(target):
     return target.heading
 
 
+@kernel(inline=True)
+def after(heading, end):
+    """Return the heading of a target once the avatar has turned [rad]."""
+    return end.side * (heading - end.turn)
+
+
 KIND = AxisKind(
     name="heading",
     unit="rad",
     description="Which way it faces; 0 as the avatar does, to the left is positive [rad].",
+    observed="The heading of the opponent; where a scripted target moves to.",
+    trained="The target's stays, and the avatar turns.",
     measure=measure,
     place=lambda target, heading: target._replace(heading=heading),
     lowest=lambda motion: -math.pi,
     highest=lambda motion: math.pi,
-    turns=True,
+    after=after,
     period=2.0 * math.pi,
 )

@@ -16,6 +16,8 @@ KIND = AxisKind(
     name="height",
     unit="m",
     description="How high its head is [m].",
+    observed="The height of the opponent's head, for a body of the avatar's size.",
+    trained="It stays.",
     measure=measure,
     place=lambda target, height: target._replace(y=height),
     lowest=lambda motion: motion.head_heights()[0],

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from crowdsim.core.tables import locate_on_axis, split_weights
 from crowdsim.jit import kernel
-from crowdsim.policy.axes.registry import measure
+from crowdsim.policy.axes.registry import GROUND, after, measure
 
 
 class Corners(NamedTuple):
@@ -25,21 +25,64 @@ class Corners(NamedTuple):
 @kernel(allocates=False)
 def find_corners(axes, first, end, target, corners):
     """Write the cells around a target on the axes ``first`` to ``end`` and their weights; return how many there are."""
-    cells, weights = corners.cells, corners.weights
-    count = 1
-    cells[0] = 0
-    weights[0] = 1.0
+    count = _begin(corners)
     for row in range(first, end):
-        axis = axes[row]
-        value = measure(axis.kind, target)
-        position = (value / (1.0 + axis.rate * value) - axis.first) / axis.step
-        lower, upper, share = locate_on_axis(position, axis.count, axis.wraps)
-        for corner in range(count):
-            cells[count + corner] = cells[corner] + upper * axis.stride
-            cells[corner] += lower * axis.stride
-        split_weights(weights, count, share, 1.0 - share)
-        count *= 2
+        count = _add_axis(axes[row], measure(axes[row].kind, target), corners, count)
     return count
+
+
+@kernel(allocates=False)
+def find_corners_after(axes, first, end, before, later, action_end, corners):
+    """Do what ``find_corners`` does for a target as it is seen after an action.
+
+    Args:
+        axes: Records (``records.AXIS``).
+        first: The first of them.
+        end: One past the last.
+        before: The target as it is seen before the action.
+        later: Where it is seen afterwards.
+        action_end: What changes meanwhile (``axis.End``).
+        corners: Written.
+    """
+    count = _begin(corners)
+    for row in range(first, end):
+        kind = axes[row].kind
+        value = measure(kind, later) if kind < GROUND else after(kind, measure(kind, before), action_end)
+        count = _add_axis(axes[row], value, corners, count)
+    return count
+
+
+@kernel(allocates=False)
+def find_layers_after(axes, values, action_end, corners):
+    """Write the layers of a grid around what its axes measure after an action; return how many there are.
+
+    ``values`` (D,) is what they measure before; none of the axes is over the ground.
+    """
+    count = _begin(corners)
+    for row in range(len(axes)):
+        count = _add_axis(axes[row], after(axes[row].kind, values[row], action_end), corners, count)
+    return count
+
+
+@kernel(inline=True)
+def _begin(corners):
+    """Begin with one cell, the first one of a grid without axes."""
+    corners.cells[0] = 0
+    corners.weights[0] = 1.0
+    return 1
+
+
+@kernel(inline=True)
+def _add_axis(axis, value, corners, count):
+    """Split each of ``count`` cells among its neighbours along one more axis; return how many there are then."""
+    cells = corners.cells
+    position = (value / (1.0 + axis.rate * value) - axis.first) / axis.step
+    lower, upper, share = locate_on_axis(position, axis.count, axis.wraps)
+    for corner in range(count):
+        cells[count + corner] = cells[corner] + upper * axis.stride
+        cells[corner] += lower * axis.stride
+    split_weights(corners.weights, count, share, 1.0 - share)
+    return 2 * count
 
 
 @kernel(allocates=False)

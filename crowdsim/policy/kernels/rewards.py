@@ -21,7 +21,8 @@ def find_landed(actions, strike, target, surface):
     """Return whether a strike lands on a target, where the fist is then, and where the target's head is."""
     t, fists, origins = actions.strike_times[strike], actions.strike_positions, actions.strike_origins
     fist = fists[strike, 0], fists[strike, 1], fists[strike, 2]
-    head = target.x + t * target.vx, target.y, target.z + t * target.vz
+    moved = min(t, target.lasts)
+    head = target.x + moved * target.vx, target.y, target.z + moved * target.vz
     return lands(fist, (origins[strike, 0], origins[strike, 1]), head, surface), fist, head
 
 
@@ -60,10 +61,11 @@ def _build_frames(name, read, gap):
         for t in range(1, actions.lengths[action] + 1):
             factor *= discount
             row = start + t - 1
-            dx = target.x + t * target.vx - actions.paths[row, X]
-            dz = target.z + t * target.vz - actions.paths[row, Z]
+            moved = min(t, target.lasts)
+            dx = target.x + moved * target.vx - actions.paths[row, X]
+            dz = target.z + moved * target.vz - actions.paths[row, Z]
             heading = np.float64(actions.paths[row, HEADING])
-            seen = Seen(dx, dz, math.sin(heading), math.cos(heading), facing_sin, facing_cos)
+            seen = Seen(dx, dz, math.sin(heading), math.cos(heading), facing_sin, facing_cos, target.impact - t)
             value = factor * math.exp(-gap(seen, wanted))
             total += value
             best = max(best, value)

@@ -9,10 +9,12 @@ prices it; here it is counted once, at the highest of their prices.
 
 import math
 
+import numpy as np
+
 from crowdsim.core.tables import interpolate
 from crowdsim.jit import kernel
-from crowdsim.policy.axes.axis import Target
-from crowdsim.policy.kernels.axes import fade_on_axes, find_corners
+from crowdsim.policy.axes.axis import End, Target
+from crowdsim.policy.kernels.axes import fade_on_axes, find_corners, find_corners_after
 from crowdsim.policy.kernels.rewards import HEADING, X, Z, action_reward
 
 
@@ -20,27 +22,33 @@ from crowdsim.policy.kernels.rewards import HEADING, X, Z, action_reward
 def moved(target, frames):
     """Return a target some control frames later."""
     return Target(
-        target.x + frames * target.vx, target.y, target.z + frames * target.vz, target.vx, target.vz, target.heading
-    )
+        target.x + min(frames, target.lasts) * target.vx, target.y, target.z + min(frames, target.lasts) * target.vz,
+        target.vx, target.vz, target.heading, target.impact, target.lasts,
+    )  # fmt: skip
 
 
 @kernel(allocates=False)
 def after_action(actions, action, target):
-    """Return how a target at rest is seen once an action has been done, from where the avatar is then."""
+    """Return how a target is seen once an action has been done, from where the avatar is then; it does not move on."""
     last = actions.path_offsets[action + 1] - 1
     heading = actions.paths[last, HEADING]
     cos, sin = math.cos(heading), math.sin(heading)
     dx, dz = target.x - actions.paths[last, X], target.z - actions.paths[last, Z]
     vx, vz = target.vx * cos - target.vz * sin, target.vx * sin + target.vz * cos
-    return Target(dx * cos - dz * sin, target.y, dx * sin + dz * cos, vx, vz, target.heading - heading)
+    impact, lasts = target.impact - actions.lengths[action], max(target.lasts - actions.lengths[action], 0.0)
+    return Target(dx * cos - dz * sin, target.y, dx * sin + dz * cos, vx, vz, target.heading - heading, impact, lasts)
 
 
 @kernel(allocates=False)
-def state_value(tables, behaviour, state, target, corners):
-    """Return V(s, e) by a behaviour's table of the look-up v."""
-    row = tables.behaviours[behaviour]
-    count = find_corners(tables.axes, row.first_axis, row.end_axis, target, corners)
-    entry = row.table + state * row.cells
+def value_behind(tables, behaviour, action, before, corners):
+    """Return V(s, e) behind an action by a behaviour's table of the look-up v, for a target as it is seen before it."""
+    row, actions = tables.behaviours[behaviour], tables.actions
+    length = actions.lengths[action]
+    later = after_action(actions, action, moved(before, length + row.lead_later))
+    turn = np.float64(actions.paths[actions.path_offsets[action + 1] - 1, HEADING])
+    end = End(turn, np.float64(length), 1.0)
+    count = find_corners_after(tables.axes, row.first_axis, row.end_axis, before, later, end, corners)
+    entry = row.table + actions.next[action] * row.cells
     return row.low + row.step * interpolate(tables.table, entry, corners.cells, corners.weights, count)
 
 
@@ -57,7 +65,7 @@ def add_stored_values(tables, behaviour, state, target, factor, corners, out):
     row = tables.behaviours[behaviour]
     first = tables.actions.offsets[state]
     n = tables.actions.offsets[state + 1] - first
-    soon = moved(target, tables.lead_now)
+    soon = moved(target, row.lead_now)
     count = find_corners(tables.axes, row.first_axis, row.end_axis, soon, corners)
     base = row.table + first * row.cells
     for k in range(n):
@@ -78,8 +86,7 @@ def add_values_ahead(tables, behaviour, state, target, factor, corners, out):
     for k in range(actions.offsets[state + 1] - first):
         a = first + k
         earned = action_reward(tables, behaviour, a, target)
-        later = after_action(actions, a, moved(target, actions.lengths[a] + tables.lead_later))
-        value = state_value(tables, behaviour, actions.next[a], later, corners)
+        value = value_behind(tables, behaviour, a, target, corners)
         out[k] += factor * (earned + math.exp(log_discount * actions.lengths[a]) * value)
 
 

@@ -15,12 +15,13 @@ from pydantic import Field
 from crowdsim.core.types import Array
 from crowdsim.errors import RecipeError
 from crowdsim.jit import kernel
+from crowdsim.policy.terms.hit import HitTerm
 from crowdsim.policy.terms.proximity import ProximityTerm
 from crowdsim.policy.terms.strike import StrikeTerm
 from crowdsim.policy.terms.term import TargetBody, Term
 from crowdsim.policy.terms.transition import TransitionTerm
 
-TERMS: tuple[type[Term], ...] = (StrikeTerm, ProximityTerm, TransitionTerm)
+TERMS: tuple[type[Term], ...] = (StrikeTerm, ProximityTerm, TransitionTerm, HitTerm)
 """Every reward term. Its place is its kind in a record."""
 
 STRIKE = TERMS.index(StrikeTerm)
@@ -57,7 +58,7 @@ def pack_terms(terms: Sequence[Term], body: TargetBody) -> Array:
             raise RecipeError(f"{term_name(term)!r} is no reward term, expected one of {', '.join(names())}")
         counts_somewhere = isinstance(term, StrikeTerm) or term.at_frames is not None
         record["kind"] = TERMS.index(type(term)) if counts_somewhere else ONCE
-        record["weight"] = term.weight
+        record["weight"] = term.sign * term.weight
         for name, number in zip(term.numbers, term.pack(body), strict=True):
             record[name] = number
     return records

@@ -48,6 +48,7 @@ class Seen(NamedTuple):
         cos: Its cosine.
         facing_sin: Sine of the target's heading, where a grid has the axis ``heading``; else 0.
         facing_cos: Its cosine; else 1.
+        due: Control frames until the target's strike reaches furthest, far more than an action has where none is seen.
     """
 
     dx: Any
@@ -56,6 +57,7 @@ class Seen(NamedTuple):
     cos: Any
     facing_sin: Any
     facing_cos: Any
+    due: Any
 
 
 class Term(BaseModel):
@@ -67,6 +69,7 @@ class Term(BaseModel):
             its numbers in the precision ``number``. ``gap(seen, numbers)`` returns how far a moment (``Seen``) is from
             what is wanted, from 0 on: the moment is worth exp(-gap).
         axes: Axes that a grid must have.
+        sign: -1 for a term that is a cost, else 1.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -74,6 +77,7 @@ class Term(BaseModel):
     numbers: ClassVar[tuple[str, ...]] = ()
     at_frames: ClassVar[tuple[Any, Any] | None] = None
     axes: ClassVar[tuple[str, ...]] = ()
+    sign: ClassVar[float] = 1.0
 
     weight: float = Field(default=1.0, ge=0.0, description="How much the term counts in the sum.")
 

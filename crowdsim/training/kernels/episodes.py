@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowdsim.jit import kernel
-from crowdsim.policy.axes.axis import Target
+from crowdsim.policy.axes.axis import UNSEEN_STRIKE, Target
 from crowdsim.policy.kernels.axes import Corners
 from crowdsim.policy.kernels.rewards import X, Z, action_reward, find_landed
 from crowdsim.policy.kernels.values import after_action, evaluate_actions, moved
@@ -105,11 +105,11 @@ def _run_episode(rules, state, start, number, room, out, used):
     frame = 0
     while frame < rules.horizon:
         decision = DRAWS * number + 2 * out.decisions
-        a = _choose(rules, state, Target(x, y, z, 0.0, 0.0, heading), decision, room)
+        a = _choose(rules, state, Target(x, y, z, 0.0, 0.0, heading, UNSEEN_STRIKE, math.inf), decision, room)
         used[a] = 1
         angle = 2.0 * math.pi * draw_number(rules.seed, decision + 1, 0)
         vx, vz = rules.velocity * math.sin(angle), rules.velocity * math.cos(angle)
-        target = Target(x, y, z, vx, vz, heading)
+        target = Target(x, y, z, vx, vz, heading, UNSEEN_STRIKE, math.inf)
         _note_rewards(rules, a, target, frame, out)
         _note_distances(rules, a, target, frame, out)
         _note_strikes(rules, a, target, frame, out)

@@ -33,7 +33,7 @@ def improve(low, high, model, layers, values, first, every, out, changes):
     """
     cells = len(model.xs) * layers
     row, later, found = np.empty(cells, np.float32), np.empty(cells, np.float32), empty_successors(len(model.xs))
-    over_ground = model.near.shape[2] <= len(model.xs)
+    over_ground = model.near.shape[2] <= len(model.xs) and len(model.layered.runs) == 0
     for i in range(low, high):
         s = first + i * every
         best = out[i]
@@ -57,9 +57,9 @@ def _raise_to_action(model, layers, values, action, found, later, best):
     """
     find_successors(model.axes, model.ends[0, action], model.xs, model.zs, found)
     start = np.int64(model.next[action]) * len(best)
-    if len(model.turning.axes) > 0:
+    if len(model.layered.axes) > 0:
         row = values[start : start + len(best)]
-        see_layers(model.turning, model.ends[0, action], layers, row, found.corners, later)
+        see_layers(model.layered, model.ends[0, action], layers, row, found.corners, later)
     else:
         for i in range(len(best)):
             c = np.uint64(i)

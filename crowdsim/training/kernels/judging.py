@@ -6,14 +6,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowdsim.jit import kernel
-from crowdsim.policy.axes.axis import Target
+from crowdsim.policy.axes.axis import UNSEEN_STRIKE, Target
+from crowdsim.policy.kernels.axes import find_layers_after
 from crowdsim.training.kernels.rewards import earned_where, write_near
 from crowdsim.training.kernels.successors import (
     DISTANCE,
     corners_of,
     empty_successors,
     find_successors,
-    layers_around,
     weights_of,
 )
 
@@ -26,14 +26,14 @@ class Learned(NamedTuple):
     Attributes:
         axes: The axes over the ground of its grid (``Model.axes``).
         ends: Where each action ends (``Model.ends``), for a target at rest. Shape (A,).
-        turning: What its layers see, where that turns (``Model.turning``).
+        layered: What its layers see, where that changes (``Model.layered``).
         discounts: gamma^T of each action. Shape (A,), float32.
         values: V. Shape (S, C), float32.
         terms: The terms of its reward (``rewards.pack_terms``).
         once: What each action earns wherever the target is. Shape (A,).
         log_discount: log gamma.
         heights: How high their heads are [m]. Shape (N,).
-        headings: Which way they face [rad]. Shape (N,).
+        measures: What the axes of the layers measure of them. Shape (N, axes).
         layers: Layers of the grid around each target. Shape (E, N), int64.
         shares: Their shares. Shape (E, N), float32.
         lead: How many frames after the end of an action its V is read for where a target will be.
@@ -41,14 +41,14 @@ class Learned(NamedTuple):
 
     axes: Any
     ends: Any
-    turning: Any
+    layered: Any
     discounts: Any
     values: Any
     terms: Any
     once: Any
     log_discount: float
     heights: Any
-    headings: Any
+    measures: Any
     layers: Any
     shares: Any
     lead: float
@@ -89,13 +89,13 @@ def fill_action_values(low, high, actions, learned, places, out):
         once = learned.once[action]
         write_near(actions, action, places, learned.terms, once, learned.log_discount, best, total)
         _add_landed(actions, action, learned, places, total)
-        time = np.float32(actions.lengths[action] + learned.lead)
+        time = min(np.float32(actions.lengths[action] + learned.lead), places.lasts)
         for m in range(count):
             xs[m] = places.xs[m] + time * places.vxs[m]
             zs[m] = places.zs[m] + time * places.vzs[m]
         find_successors(learned.axes, learned.ends[action], xs, zs, found)
-        if len(learned.turning.axes) > 0:
-            _turn_layers(learned, action, found.corners, layers, shares)
+        if len(learned.layered.axes) > 0:
+            _change_layers(learned, action, found.corners, layers, shares)
         _add_values_behind(learned, action, actions.next[action], found, layers, shares, total)
 
 
@@ -104,15 +104,24 @@ def _add_landed(actions, action, learned, places, total):
     """Add what the strikes of an action earn that land on the targets."""
     if actions.strike_offsets[action] < actions.strike_offsets[action + 1]:
         for m in range(len(total)):
-            target = Target(places.xs[m], learned.heights[m], places.zs[m], places.vxs[m], places.vzs[m], 0.0)
+            target = Target(
+                places.xs[m],
+                learned.heights[m],
+                places.zs[m],
+                places.vxs[m],
+                places.vzs[m],
+                0.0,
+                UNSEEN_STRIKE,
+                places.lasts,
+            )
             total[m] += earned_where(actions, action, target, learned.terms, learned.log_discount)
 
 
 @kernel(allocates=False)
-def _turn_layers(learned, action, corners, layers, shares):
+def _change_layers(learned, action, corners, layers, shares):
     """Write the layers around each target as it is seen after an action, and their shares."""
     for m in range(layers.shape[1]):
-        layers_around(learned.turning, learned.ends[action], learned.heights[m], learned.headings[m], corners)
+        find_layers_after(learned.layered.axes, learned.measures[m], learned.ends[action], corners)
         for corner in range(len(layers)):
             layers[corner, m], shares[corner, m] = corners.cells[corner], corners.weights[corner]
 

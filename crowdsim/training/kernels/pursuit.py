@@ -7,7 +7,7 @@ import numpy as np
 
 from crowdsim.core.candidates import draw_candidate
 from crowdsim.jit import kernel
-from crowdsim.policy.axes.axis import Target
+from crowdsim.policy.axes.axis import UNSEEN_STRIKE, Target
 from crowdsim.policy.kernels.axes import Corners
 from crowdsim.policy.kernels.rewards import X, Z
 from crowdsim.policy.kernels.values import after_action, evaluate_actions, moved
@@ -56,8 +56,9 @@ def pursue(tables, weights, chase, states, bearings, out):
         state, frame, decision = np.int64(states[i]), 0, 0
         sin, cos = math.sin(bearings[i]), math.cos(bearings[i])
         seen = Target(
-            chase.lead * sin, chase.height, chase.lead * cos, chase.velocity * sin, chase.velocity * cos, bearings[i]
-        )
+            chase.lead * sin, chase.height, chase.lead * cos, chase.velocity * sin, chase.velocity * cos, bearings[i],
+            UNSEEN_STRIKE, math.inf,
+        )  # fmt: skip
         out[i] = 0.0
         while frame < chase.done:
             n = evaluate_actions(tables, weights, state, seen, corners, values)

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowdsim.jit import kernel
-from crowdsim.policy.axes.axis import Target
+from crowdsim.policy.axes.axis import UNSEEN_STRIKE, Target
 from crowdsim.policy.kernels.rewards import HEADING, X, Z, earned_by_strikes
 from crowdsim.policy.terms.registry import ONCE, STRIKE, for_frame_terms
 from crowdsim.policy.terms.strike import is_wasted
@@ -38,6 +38,8 @@ class Places(NamedTuple):
         vzs: Ahead.
         facing_sins: Sine of the heading of each. Shape (M,), float32.
         facing_coss: Its cosine.
+        impacts: Control frames until its strike reaches furthest. Shape (M,), float32.
+        lasts: For how many control frames all of them move; float32.
     """
 
     xs: Any
@@ -46,6 +48,8 @@ class Places(NamedTuple):
     vzs: Any
     facing_sins: Any
     facing_coss: Any
+    impacts: Any
+    lasts: Any
 
 
 @kernel(inline=True)
@@ -78,11 +82,12 @@ def _build_frames(name, read, gap):
         for t in range(1, len(path) + 1):
             factor, time = np.float32(term.weight * math.exp(t * log_discount)), np.float32(t)
             sin, cos = np.float32(math.sin(path[t - 1, HEADING])), np.float32(math.cos(path[t - 1, HEADING]))
-            x, z = path[t - 1, X], path[t - 1, Z]
+            x, z, moved = path[t - 1, X], path[t - 1, Z], min(time, places.lasts)
             for i in range(len(total)):
                 m = np.uint64(i)
-                dx, dz = places.xs[m] + time * places.vxs[m] - x, places.zs[m] + time * places.vzs[m] - z
-                seen = Seen(dx, dz, sin, cos, places.facing_sins[m], places.facing_coss[m])
+                dx, dz = places.xs[m] + moved * places.vxs[m] - x, places.zs[m] + moved * places.vzs[m] - z
+                due = places.impacts[m] - time
+                seen = Seen(dx, dz, sin, cos, places.facing_sins[m], places.facing_coss[m], due)
                 value = factor * _faded(gap(seen, wanted))
                 best[m] = max(best[m], value) if greatest else best[m] + value
         for m in range(len(total)):
@@ -99,10 +104,13 @@ def _spend_on_strikes(actions, action, places, term, log_discount, total):
     """Take what the strikes of one action cost from the total of each target."""
     for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
         t = actions.strike_times[strike]
-        fist = actions.strike_positions[strike, 0], 0.0, actions.strike_positions[strike, 2]
+        fist, moved = (
+            (actions.strike_positions[strike, 0], 0.0, actions.strike_positions[strike, 2]),
+            min(t, places.lasts),
+        )
         factor = term.weight * math.exp(t * log_discount)
         for m in range(len(total)):
-            head = places.xs[m] + t * places.vxs[m], 0.0, places.zs[m] + t * places.vzs[m]
+            head = places.xs[m] + moved * places.vxs[m], 0.0, places.zs[m] + moved * places.vzs[m]
             total[m] -= factor * (term.effort + (term.waste if is_wasted(fist, head, term) else 0.0))
 
 
@@ -163,7 +171,7 @@ def _in_reach(actions, action, target, terms):
         if term.kind == STRIKE:
             reach = max(term.head_radius, term.torso_radius) + term.tolerance + 1e-6
             for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
-                t = actions.strike_times[strike]
+                t = min(actions.strike_times[strike], target.lasts)
                 dx = target.x + t * target.vx - actions.strike_positions[strike, 0]
                 dz = target.z + t * target.vz - actions.strike_positions[strike, 2]
                 if dx * dx + dz * dz <= reach * reach:
@@ -172,17 +180,18 @@ def _in_reach(actions, action, target, terms):
 
 
 @kernel(allocates=False)
-def _list_landed(actions, action, targets, layers, velocity, terms, log_discount, at, landed):
+def _list_landed(actions, action, targets, layers, movement, terms, log_discount, at, landed):
     """List the cells where strikes of an action land, from entry ``at`` on; return how many they are."""
     held = 0
     if actions.strike_offsets[action] == actions.strike_offsets[action + 1]:
         return held
     for first in range(0, len(targets), layers):
-        x, z, vx, vz = targets[first, 0], targets[first, 2], velocity[X], velocity[Z]
-        if not _in_reach(actions, action, Target(x, 0.0, z, vx, vz, 0.0), terms):
+        x, z = targets[first, 0], targets[first, 2]
+        vx, vz, lasts = movement[0] + targets[first, 3], movement[1] + targets[first, 4], movement[2]
+        if not _in_reach(actions, action, Target(x, 0.0, z, vx, vz, 0.0, UNSEEN_STRIKE, lasts), terms):
             continue
         for c in range(first, first + layers):
-            target = Target(x, targets[c, 1], z, vx, vz, 0.0)
+            target = Target(x, targets[c, 1], z, vx, vz, 0.0, UNSEEN_STRIKE, lasts)
             earned = earned_where(actions, action, target, terms, log_discount)
             if earned > 0.0:
                 if len(landed.cells) > 0:
@@ -192,15 +201,17 @@ def _list_landed(actions, action, targets, layers, velocity, terms, log_discount
 
 
 @kernel(allocates=False)
-def fill_landed(low, high, actions, targets, layers, velocities, terms, log_discount, landed):
+def fill_landed(low, high, actions, targets, layers, movements, terms, log_discount, landed):
     """Write the cells in which strikes of actions ``low`` to ``high`` land and what they earn there into ``Landed``.
 
-    Without room for cells they are only counted. ``layers`` targets after one another are over the same place.
+    Without room for cells they are only counted. ``targets`` are head and motion, as in ``Target``; ``layers`` of them
+    after one another are over the same place and move alike. ``movements`` are the velocity that each outcome adds,
+    along x and z, and for how many frames targets move. Shape (O, 3).
     """
     count, offsets, counting = len(actions.next), landed.offsets, len(landed.cells) == 0
     for action in range(low, high):
-        for outcome in range(len(velocities)):
+        for outcome in range(len(movements)):
             at = offsets[outcome * count + action]
-            held = _list_landed(actions, action, targets, layers, velocities[outcome], terms, log_discount, at, landed)
+            held = _list_landed(actions, action, targets, layers, movements[outcome], terms, log_discount, at, landed)
             if counting:
                 offsets[outcome * count + action + 1] = held

@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from crowdsim.jit import kernel
-from crowdsim.policy.axes.axis import Target
+from crowdsim.policy.axes.axis import UNSEEN_STRIKE, Target
 from crowdsim.policy.kernels.axes import Corners
 from crowdsim.policy.kernels.rewards import action_reward
-from crowdsim.policy.kernels.values import after_action, state_value
+from crowdsim.policy.kernels.values import after_action, value_behind
 
 NODE = np.dtype(
     [
@@ -61,7 +61,7 @@ def best_by_search(tables, behaviour, state, target, width, depth, scratch):
 def _expand(tables, behaviour, y, node, corners, later, found):
     """Write the nodes that follow a node by all actions of its state from ``found`` on; return how many there are."""
     actions, log_discount = tables.actions, math.log(tables.behaviours[behaviour].discount)
-    seen = Target(node.x, y, node.z, 0.0, 0.0, node.heading)
+    seen = Target(node.x, y, node.z, 0.0, 0.0, node.heading, UNSEEN_STRIKE, math.inf)
     for i in range(actions.offsets[node.state], actions.offsets[node.state + 1]):
         a, fresh = np.int64(i), later[found]
         behind = after_action(actions, a, seen)
@@ -69,6 +69,6 @@ def _expand(tables, behaviour, y, node, corners, later, found):
         fresh.state, fresh.x, fresh.z, fresh.heading = actions.next[a], behind.x, behind.z, behind.heading
         fresh.factor = node.factor * math.exp(log_discount * actions.lengths[a])
         fresh.earned = node.earned + node.factor * action_reward(tables, behaviour, a, seen)
-        fresh.worth = fresh.earned + fresh.factor * state_value(tables, behaviour, actions.next[a], behind, corners)
+        fresh.worth = fresh.earned + fresh.factor * value_behind(tables, behaviour, a, seen, corners)
         found += 1
     return found

@@ -9,32 +9,39 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowdsim.jit import kernel
-from crowdsim.policy.axes.axis import Target
-from crowdsim.policy.kernels.axes import Corners, find_corners
+from crowdsim.policy.kernels.axes import Corners, find_layers_after
 
 DISTANCE, BEARING = range(2)  # of ``Model.axes``
 
 GROUND_AXIS = np.dtype([(name, np.float32) for name in ("first", "per_step", "count", "rate", "wraps", "stride")])
 """An axis over the ground: first point (squeezed), points a unit, count, rate, whether it wraps, stride in a table."""
 
-END = np.dtype([(name, np.float32) for name in ("left", "ahead", "cos", "sin", "turn", "side")])
+END = np.dtype([(name, np.float32) for name in ("left", "ahead", "cos", "sin", "turn", "frames", "side")])
 """The ground frame where an action ends: what is added to a position along x and z [m], with the distance that the
-target goes meanwhile; cosine and sine of the heading, and the heading [rad]; -1 where the action ends in the mirror
-image of a state, else 1."""
+target goes meanwhile; cosine and sine of the heading, and the heading [rad]; control frames that the action takes; -1
+where it ends in the mirror image of a state, else 1. It is an ``axis.End``."""
 
 
-class Turning(NamedTuple):
-    """What L layers of a grid see of a target, where that turns with the avatar.
+class Layers(NamedTuple):
+    """What L layers of a grid see of a target, where that changes while the avatar acts or says how the target moves.
 
     Attributes:
-        axes: The axes of the layers, ``records.AXIS``; none where nothing turns.
-        heights: Height of the head in each layer [m]. Shape (L,).
-        headings: Heading of the target in each [rad]. Shape (L,).
+        axes: The axes of the layers, ``records.AXIS``; none where nothing changes.
+        values: What these measure of the target of each layer. Shape (L, axes).
+        runs: Layers from which on the target moves in another way than in the layer before, and L. Shape (R + 1,),
+            int64; empty where no axis says how it moves.
+        vxs: How far the target of each cell moves in a control frame, to the left [m]. Shape (C,), float32; empty as
+            ``runs`` is.
+        vzs: Ahead.
+        lasts: For how many control frames; float32.
     """
 
     axes: Any
-    heights: Any
-    headings: Any
+    values: Any
+    runs: Any
+    vxs: Any
+    vzs: Any
+    lasts: Any
 
 
 class Successors(NamedTuple):
@@ -45,6 +52,8 @@ class Successors(NamedTuple):
         steps: Cells from there to the corner with the next bearing. Shape (M,), int32.
         far: Share of the next distance. Shape (M,), float32.
         around: Share of the next bearing. Shape (M,), float32.
+        xs: Where they are once they have moved, to the left [m]. Shape (M,), float32.
+        zs: Ahead.
         corners: ``Corners`` of layers.
     """
 
@@ -52,6 +61,8 @@ class Successors(NamedTuple):
     steps: Any
     far: Any
     around: Any
+    xs: Any
+    zs: Any
     corners: Any
 
 
@@ -60,6 +71,7 @@ def empty_successors(count):
     """Return scratch space for some moving cells."""
     return Successors(
         np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count, np.float32), np.empty(count, np.float32),
+        np.empty(count, np.float32), np.empty(count, np.float32),
         Corners(np.empty(64, np.int64), np.empty(64)),
     )  # fmt: skip
 
@@ -164,18 +176,30 @@ def list_corners(axes, ends, xs, zs, cells, weights):
 
 
 @kernel(allocates=False)
-def layers_around(turning, end, height, heading, corners):
-    """Write the layers around one that a target is seen in after an action, and their weights; return how many."""
-    seen = Target(0.0, height, 0.0, 0.0, 0.0, end.side * (heading - end.turn))
-    return find_corners(turning.axes, 0, len(turning.axes), seen, corners)
+def find_moved(model, layers, layer, end, found):
+    """Do what ``find_successors`` does by ``Model.axes`` for targets that move as those of a layer do.
+
+    Args:
+        model: ``SweepModel``.
+        layers: Layers of the grid.
+        layer: The layer.
+        end: The action's record of ``Model.ends``.
+        found: Written.
+    """
+    frames = min(end.frames, model.layered.lasts)
+    for m in range(len(model.xs)):
+        c = m * layers + layer
+        found.xs[m] = model.xs[m] + frames * model.layered.vxs[c]
+        found.zs[m] = model.zs[m] + frames * model.layered.vzs[c]
+    find_successors(model.axes, end, found.xs, found.zs, found)
 
 
 @kernel(allocates=False)
-def see_layers(turning, end, layers, values, corners, later):
-    """Write the values of a state as an avatar reads them that comes there by an action, where layers turn with it.
+def see_layers(layered, end, layers, values, corners, later):
+    """Write the values of a state as an avatar reads them that comes there by an action, where layers change with it.
 
     Args:
-        turning: ``Turning``.
+        layered: ``Layers``.
         end: The action's record of ``Model.ends``.
         layers: Layers of the grid.
         values: V of the state. Shape (C,), float32.
@@ -186,7 +210,7 @@ def see_layers(turning, end, layers, values, corners, later):
     for c in range(len(later)):
         later[c] = np.float32(0.0)
     for h in range(layers):
-        for corner in range(layers_around(turning, end, turning.heights[h], turning.headings[h], corners)):
+        for corner in range(find_layers_after(layered.axes, layered.values[h], end, corners)):
             weight, source = np.float32(corners.weights[corner]), corners.cells[corner]
             if weight > np.float32(0.0):
                 for m in range(0, len(later), layers):
