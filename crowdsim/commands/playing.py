@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from crowdsim.scenario.scenario import Scenario
 
 
+_MANY = 150
+"""Most avatars that are posed in the time of a control frame, about."""
+
+
 def play(
     thing: Annotated[
         str,
@@ -57,6 +61,8 @@ def play(
 
     scenario = _scenario(thing, seed, override or [])
     load_numba()
+    if scenario.avatar_count > _MANY:
+        note(f"{scenario.avatar_count:,} avatars cannot be posed in real time: they will be slower; --set gives fewer")
     folder = out or Path("output") / (scenario.name if thing != scenario.name else f"{scenario.name}_played")
     command = shlex.join(["crowdsim", *sys.argv[1:]])
     session = Session(scenario, _policies(scenario, mocap, threads), threads)

@@ -155,6 +155,8 @@ class LivePlayer extends Player {
   makeFacts() { return new LiveFacts(this.scene, this.recording); }
   makeReasons() { return new LiveReasons(); }
 
+  ownKeys() { return [['drag a target', 'moves it over the floor; with Shift up and down']]; }
+
   frame(state) {
     this.facts.add(state.strikes);
     this.counts = state.counts;

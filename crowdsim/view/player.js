@@ -125,9 +125,12 @@ class Player {
     return make('p', '', form);
   }
 
+  // Further keys and uses of the pointer.
+  ownKeys() { return []; }
+
   showKeys() {
     const table = make('table'), dialog = element('keys');
-    for (const [keys, text] of [...KEYS, ...POINTING]) table.append(make('tr', '', make('td', '', make('kbd', keys)), make('td', text)));
+    for (const [keys, text] of [...KEYS, ...POINTING, ...this.ownKeys()]) table.append(make('tr', '', make('td', '', make('kbd', keys)), make('td', text)));
     dialog.replaceChildren(make('h2', 'Keys and pointer'), table, this.closing());
     dialog.showModal();
   }

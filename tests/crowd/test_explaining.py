@@ -1,10 +1,14 @@
 """Decisions are explained as they are made."""
 
+import inspect
+import re
+
 import numpy as np
 import pytest
 from scenes import scene
 
 from crowdsim.crowd.draw import draw_crowd
+from crowdsim.crowd.kernels import evaluate, explain
 from crowdsim.crowd.kernels.explain import NAMES
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.preparation.prepare import load_policies
@@ -70,6 +74,15 @@ def test_terms_add_up_to_what_is_drawn_by(simulate) -> None:
         best += one.chosen == one.actions[np.argmax(totals)]
     # Without temperature the best one is taken, but for vetoes.
     assert best > 0.7 * len(decisions)
+
+
+def test_terms_are_those_that_are_evaluated_in_the_same_order() -> None:
+    calls = [
+        re.findall(r"^    +(\w+)\(model, avatars, world.*scratch\)$", inspect.getsource(module), re.MULTILINE)
+        for module in (evaluate, explain)
+    ]
+    assert calls[0] == [name for name in calls[1] if name != "observe"]
+    assert len(calls[0]) == len(NAMES)
 
 
 def test_a_run_that_is_over_has_no_decisions(simulate) -> None:

@@ -261,7 +261,7 @@ def test_a_mistake_is_one_line(old, new, expected):
         ("events: [{kind: add, group: red, when: {kind: frame, frame: 3}}]",
          ["10:29: events[0].group: is 'red', which is there from the start, expected a group with 'waits: true'"]),
         ("events: [{kind: weights, when: {kind: seconds, seconds: 3}}]",
-         ["10:10: events[0]: changes nothing, expected 'behaviours' or 'temperature'"]),
+         ["10:10: events[0]: changes nothing, expected 'behaviours', 'temperature', 'tempo' or 'reaction'"]),
         ("events: [{kind: remove, group: red, when: {kind: strikes, count: 3, team: rde}}]",
          ["10:75: events[0].when.team: is 'rde', expected a team: red or blue (did you mean 'red'?)"]),
         ("outputs: {bvh: {avatars: [0, 5]}}", ["10:30: outputs.bvh.avatars[1]: is 5, expected an avatar from 0 to 4"]),

@@ -22,6 +22,7 @@ from crowdsim.commands.playing import free_folder
 from crowdsim.preparation.prepare import load_policies
 from crowdsim.runs.playing import Session, boxer_and_target
 from crowdsim.scenario.scenario import load_scenario
+from crowdsim.view import server as serving
 from crowdsim.view.live import LAG, ROWS, LivePoses, Settled, clips_of
 from crowdsim.view.server import open_server
 from crowdsim.view.stage import Stage
@@ -328,6 +329,37 @@ def test_a_port_in_use_is_reported_before_anything_is_played(workplace, capsys) 
 def test_what_is_no_scenario_and_no_policy_is_reported(workplace, capsys) -> None:
     assert crowdsim("play", "nothing", "--no-open") == 2
     assert "nothing: no such scenario" in capsys.readouterr().err
+
+
+def test_the_command_plays_and_records_where_it_is_told(workplace, monkeypatch, capsys) -> None:
+    stages, answers, real = [], [], serving.open_server
+
+    def open_server(stage, *others):
+        stages.append(stage)
+        return real(stage, *others)
+
+    def serve(server) -> None:
+        assert stages[0].paused
+        answers.append(json.loads(stages[0].act('{"do": "record"}')))
+
+    monkeypatch.setattr(serving, "open_server", open_server)
+    monkeypatch.setattr(serving.Server, "serve", serve)
+    kept = workplace / "kept"
+    assert crowdsim("play", "tiny", "--no-open", "--paused", "--out", kept, "--seed", "7") == 0
+    assert answers == [{"done": "record", "said": f"Recorded as {kept}."}]
+    assert library.open_run(kept).seed == 7
+    said = capsys.readouterr()
+    assert f"{kept}: recorded, {LAG + 1} control frames" in said.out
+    assert "what was played is kept" not in said.err
+
+
+def test_crowds_that_are_too_large_for_real_time_are_announced(workplace, monkeypatch, capsys) -> None:
+    monkeypatch.setattr(serving.Server, "serve", lambda server: None)
+    write_scene(workplace / "four.yaml", groups=[
+        {"name": "all", "team": "red", "type": "boxer", "count": 160, "placement": {"kind": "grid"}},
+    ], opponents={"kind": "anyone"})  # fmt: skip
+    assert crowdsim("play", "four.yaml", "--no-open") == 0
+    assert "160 avatars cannot be posed in real time" in capsys.readouterr().err
 
 
 def test_folders_that_are_taken_get_a_number(tmp_path) -> None:
