@@ -87,6 +87,11 @@ class Capsules:
     paints: Array
     owners: Array
 
+    def joined(self, other: Capsules) -> Capsules:
+        """Return these and others behind them."""
+        pairs = ((getattr(self, name), getattr(other, name)) for name in ("shapes", "paints", "owners"))
+        return Capsules(*(np.concatenate(pair) for pair in pairs))
+
 
 @dataclass(frozen=True)
 class PosedSkins:

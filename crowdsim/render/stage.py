@@ -95,7 +95,7 @@ class Stage:
         capsules = self.cast.place(poses, self.source.markers(frame))
         held = getattr(self.source, "held", None)
         if held is not None:
-            capsules = join_capsules(capsules, held(poses))
+            capsules = capsules.joined(held(poses))
         skins = None
         if self.skins is not None:
             least = BODY_SCALE if self.look.figure == "auto" else LEAST_SCALE
