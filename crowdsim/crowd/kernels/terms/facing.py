@@ -5,7 +5,7 @@ Learned values know that too, but in a throng what collisions cost outweighs the
 
 import math
 
-from crowdsim.crowd.kernels.layout import FIGHTS, NOTICES
+from crowdsim.crowd.kernels.layout import FIGHTS, NOTICES, RESTS, WATCHES
 from crowdsim.jit import kernel
 
 TURNED = 5.0  # what a unit of the cosine costs, in normalised values
@@ -21,7 +21,9 @@ def face_opponent(model, avatars, world, now, own, observed, q, scratch):
         return
     does = FIGHTS
     if avatars.conditions.shape[0] > 0:
-        does = avatars.conditions[avatars.number[own]].does_next
+        row = avatars.conditions[avatars.number[own]]
+        # An avatar that steps back to rest faces its opponent as one that notices does.
+        does = NOTICES if row.mode == RESTS and row.does_next == WATCHES else row.does_next
     if does != NOTICES and (does != FIGHTS or observed.counts[q] < THRONG or world.crowding.end_cost == 0.0):
         return
     seen = scratch.situations[q]
