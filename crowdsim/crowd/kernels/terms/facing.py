@@ -16,7 +16,7 @@ NEAR = 3.0  # distance of an opponent up to which an avatar faces it [m]
 
 @kernel(inline=True)
 def face_opponent(model, avatars, world, now, own, observed, q, scratch):
-    """Lower the values of actions that end turned away from an opponent near by, for one in a throng or that notices."""
+    """Lower the values of actions that end turned away from an opponent near by, in a throng or noticed."""
     if avatars.fight[own].next_opponent < 0:
         return
     does = FIGHTS
