@@ -104,7 +104,7 @@ def read_posed(folder: Path) -> Posed:
         necks.append(positions[:, bvh.names.index("Neck")].astype(np.float32))
         looks.append(turns[:, bvh.names.index("Head")][:, [0, 2], 2].astype(np.float32))
         chests.append(turns[:, bvh.names.index("Spine2")][:, [0, 2], 2].astype(np.float32))
-    return Posed(take, *(np.stack(one) for one in (joints, necks, looks, chests)), fps)
+    return Posed(take, np.stack(joints), np.stack(necks), np.stack(looks), np.stack(chests), fps)
 
 
 def _angle(ways: Array, towards: Array) -> Array:
