@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 POLICIES = ("boxer", "boxer_crowd")
-LIMIT = 40_000_000
+LIMIT = 48_000_000
 DUEL = ("run", "duel", "--set", "duration=6s", "--out", "duel")
 
 

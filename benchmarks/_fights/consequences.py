@@ -7,9 +7,11 @@ knock-down counts whose next seconds are inside the run, and every break. Figure
 - `left_within`: share of falls that begin within 0.1 s of the blow, by the take.
 - `crumple_down`, `topple_down`: share of falls in which the pelvis is 20 % lower within 0.4 s where the trunk is less
   than 40 degrees off upright then, and within 0.8 s where it is further off.
-- `most_frequent`: share of the fall that is seen most often. Two falls are the same where the mean joint is less than
-  12 cm apart at four times within 1.2 s, one of them mirrored or not.
-- `poses`: how many different ways to lie there are 2.5 s after blows, likewise.
+- `most_frequent`: share of the fall that is seen most often, by the motion that the take names, mirrored or not;
+  `alike` is the share of the largest group of falls in the files: two are alike where the mean joint is less than 12 cm
+  apart at four times within 1.2 s, one of them mirrored or not.
+- `poses`: how many different ways to lie there are 2.5 s after blows, by the files likewise. Both are goals of scenes
+  with ten knock-downs and more.
 - `attacker_faces`: share of knock-downs after which the attacker's head points within 45 degrees of the fallen's pelvis
   for nine tenths of 1.5 s. Attackers that are knocked down meanwhile do not count.
 - `someone_looks`: share of knock-downs with others standing within 3 m, one of which looks at the fallen within 20
@@ -24,6 +26,7 @@ knock-down counts whose next seconds are inside the run, and every break. Figure
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,6 +34,7 @@ import numpy as np
 from _exported.plain_bvh import pose, read_plain
 from _scene_goals import Goal
 
+import crowdsim
 from _fights.breaks import BREAKS
 from crowdsim.core.types import Array
 from crowdsim.take.take import Take
@@ -41,6 +45,7 @@ GOALS = {
     "crumple_down": ("crumple: pelvis down by 20 % within 0.4 s", Goal(least=0.95)),
     "topple_down": ("topple: pelvis down by 20 % within 0.8 s", Goal(least=0.95)),
     "most_frequent": ("share of the most frequent fall", Goal(most=0.2)),
+    "alike": ("share of the largest group of falls alike", Goal(most=0.2)),
     "poses": ("different ways to lie", Goal(least=8.0)),
     "attacker_faces": ("attackers face the fallen for 1.5 s", Goal(least=0.8)),
     "someone_looks": ("someone within 3 m looks", Goal(least=0.6)),
@@ -53,6 +58,8 @@ BREAK_GOALS = {
     "struck_early": ("strikes in breaks or before both guards are up", Goal(most=0.0)),
 }
 """Label and goal of each figure, the latter after knock-downs and in breaks."""
+MANY = 10
+"""Knock-downs from which on there is a goal for how falls differ."""
 ASKED = 3.0
 """Distance that `bout` asks for in breaks [m]."""
 _SAME, _AT, _LIES = 0.12, (0.3, 0.6, 0.9, 1.2), 2.5
@@ -83,8 +90,10 @@ class Posed(NamedTuple):
     fps: float
 
 
-def read_posed(folder: Path, take: Take) -> Posed:
-    """Read the files of a run."""
+def read_posed(folder: Path) -> Posed:
+    """Read the take and the files of a run."""
+    take = crowdsim.open_run(folder)
+    take = replace(take, action=np.asarray(take.action), action_frame=np.asarray(take.action_frame))
     joints, necks, looks, chests = [], [], [], []
     fps = 0.0
     for name in take.cast.names:
@@ -95,7 +104,7 @@ def read_posed(folder: Path, take: Take) -> Posed:
         necks.append(positions[:, bvh.names.index("Neck")].astype(np.float32))
         looks.append(turns[:, bvh.names.index("Head")][:, [0, 2], 2].astype(np.float32))
         chests.append(turns[:, bvh.names.index("Spine2")][:, [0, 2], 2].astype(np.float32))
-    return Posed(take, *(np.stack(one) for one in (joints, necks, looks, chests)), fps)
+    return Posed(take, np.stack(joints), np.stack(necks), np.stack(looks), np.stack(chests), fps)
 
 
 def _angle(ways: Array, towards: Array) -> Array:
@@ -138,7 +147,7 @@ def _groups(poses: Sequence[Array]) -> Array:
     return np.sort(np.array(sizes, int))[::-1]
 
 
-def _falls(posed: Posed, falls: Array) -> Iterator[dict[str, Any]]:
+def _falls(posed: Posed, falls: Array, motion: Array) -> Iterator[dict[str, Any]]:
     """Yield what follows each knock-down."""
     take, fps = posed.take, posed.fps
     events, rate = take.events, take.control_rate
@@ -156,11 +165,12 @@ def _falls(posed: Posed, falls: Array) -> Iterator[dict[str, Any]]:
         after = own & (events.frame > blow + 1e-4) & (events.frame <= blow + 2.0 * rate)
         row = int(np.ceil(blow))
         began = np.flatnonzero(np.isin(action[row : row + round(3 * rate), victim], falls))
-        left = np.inf
+        left, kind = np.inf, -1
         if len(began):
             begin = row + int(began[0])
             phase = float(np.asarray(take.action_frame[begin])[victim]) / float(take.cast.speeds[victim])
             left = max(begin - phase - blow, 0.0) / rate
+            kind = int(motion[np.flatnonzero(falls == action[begin, victim])[0]])
         usual = heights[victim, max(first - round(0.5 * fps), 0) : first + 1].mean()
         low = first + int(np.argmax(heights[victim, first : first + 3 * round(fps)] < 0.8 * usual))
         trunk = posed.neck[victim, low] - posed.joints[victim, low, HIPS]
@@ -176,6 +186,7 @@ def _falls(posed: Posed, falls: Array) -> Iterator[dict[str, Any]]:
         yield {
             "struck": int(after.sum()),
             "left": left,
+            "kind": kind,
             "down": (low - at) / fps,
             "tilt": tilt,
             "fall": _seen_from_pelvis(posed.joints[victim, frames], heading),
@@ -226,14 +237,15 @@ def _astride(posed: Posed) -> tuple[int, int]:
     return over, total
 
 
-def measure_consequences(runs: Sequence[Posed], falls: Array) -> dict[str, Any]:
+def measure_consequences(runs: Sequence[Posed], falls: Array, motion: Array) -> dict[str, Any]:
     """Return the figures of knock-downs in runs of one policy.
 
     Args:
         runs: The runs.
         falls: Its actions that lead from standing to lying.
+        motion: What captured motion each shows, mirrored or not. Shape of ``falls``.
     """
-    found = [one for run in runs for one in _falls(run, falls)]
+    found = [one for run in runs for one in _falls(run, falls, motion)]
     over, lying = np.sum([_astride(run) for run in runs], axis=0)
     if not found:
         return {"knock_downs": 0, **dict.fromkeys(GOALS)}
@@ -241,7 +253,11 @@ def measure_consequences(runs: Sequence[Posed], falls: Array) -> dict[str, Any]:
     def share(flags: list[bool]) -> float | None:
         return float(np.mean(flags)) if flags else None
 
-    kinds = _groups([one["fall"] for one in found])
+    groups, (_, kinds) = (
+        _groups([one["fall"] for one in found]),
+        np.unique([one["kind"] for one in found], return_counts=True),
+    )
+    many = len(found) >= MANY
     return {
         "knock_downs": len(found),
         "struck_after": float(sum(one["struck"] for one in found)),
@@ -249,9 +265,9 @@ def measure_consequences(runs: Sequence[Posed], falls: Array) -> dict[str, Any]:
         "crumple_down": share([one["down"] <= 0.4 for one in found if one["tilt"] < 40.0]),
         "topple_down": share([one["down"] <= 0.8 for one in found if one["tilt"] >= 40.0]),
         "down_median": float(np.median([one["down"] for one in found])),
-        "most_frequent": float(kinds[0] / len(found)),
-        "falls": len(kinds),
-        "poses": float(len(_groups([one["lying"] for one in found]))),
+        "most_frequent": float(kinds.max() / len(found)) if many else None,
+        "alike": float(groups[0] / len(found)) if many else None,
+        "poses": float(len(_groups([one["lying"] for one in found]))) if many else None,
         "attacker_faces": share([one["faces"] for one in found if one["faces"] is not None]),
         "someone_looks": share([one["looks"] for one in found if one["looks"] is not None]),
         "astride": float(over / lying) if lying else None,

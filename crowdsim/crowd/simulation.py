@@ -405,6 +405,7 @@ class Simulation:
             self.avatars.fixed[concerned] = change.fixed[numbers]
         if change.mode is not None:
             self.avatars.conditions["mode"][change.who] = change.mode
+            self.avatars.conditions["since"][change.who] = self.frame
             self.avatars.conditions["keeps"][change.who] = change.distance
             self.avatars.conditions["travel"][change.who] = self.avatars.conditions["leg"][change.who] = 0.0
         if change.travel is not None and change.health_below is None:

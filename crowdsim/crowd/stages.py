@@ -158,7 +158,7 @@ class Stages:
         thrown = np.concatenate([empty_strikes(0), *(found[first] for first in sorted(found))])
         if resolve(self._model, self._avatars, world, now.frame, thrown, 0, len(thrown)) > 0:
             present, most = now.present, self._crowding.most
-            observed = Observed(*(np.empty(1, np.int32) for _ in range(2)), np.empty((1, most), np.int32))
+            observed = Observed(np.empty(1, np.int32), np.empty(1, np.int32), np.empty((1, most), np.int32))
             distances, hits = np.empty(present), np.empty(present, np.int64)
             held = knock_down(
                 self._model, self._avatars, world, now, thrown, 0, len(thrown), self._due, observed, distances, hits

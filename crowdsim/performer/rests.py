@@ -17,7 +17,7 @@ from crowdsim.performer.travel import STROLL, Stride, stance_on, travel
 
 _GUARD, _AFTER = 1.15, 1.15
 """Time in the guard before a rest, and after it [s]."""
-_LOWERS, _RAISES = 1.15, 0.95
+_LOWERS, _RAISES = 0.85, 0.85
 """Time in which the guard is lowered, and in which it is raised again [s]."""
 _HALF_WIDTH, _TOE_OUT = 0.125, (0.14, -0.16)
 """Distance of each foot from the middle of a body at ease [m], and headings of the feet, lead and rear [rad]."""

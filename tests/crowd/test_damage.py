@@ -132,6 +132,7 @@ def test_nobody_fights_those_who_are_down(search):
         down = conditions["standing"][one.avatars.number] >= layout.DROPS
         assert np.array_equal(one.avatars.team < 0, down)
         decided = (one.avatars.playback["action_before"] >= 0) & (one.avatars.opponent >= 0)
+        decided &= conditions["does"][one.avatars.number] != layout.NOTICES
         # An avatar that has just decided saw which avatars were down a frame before.
         fought = one.avatars.slot_of[one.avatars.opponent[decided]]
         since = conditions["hurt_frame"][one.avatars.number[fought]]

@@ -9,8 +9,10 @@ from resting import resting_policy, restless_policy
 
 from crowdsim.crowd.crowd import build_crowd
 from crowdsim.crowd.kernels import layout
-from crowdsim.crowd.kernels.intents import FIGHTING, NEARLY, see_by_intent
-from crowdsim.crowd.kernels.resting import NO_WAY
+from crowdsim.crowd.kernels.intents import FIGHTING, PATIENT, RAISES, STEPS_BACK, TOO_NEAR, see_by_intent
+from crowdsim.crowd.kernels.knock_downs import knock_down
+from crowdsim.crowd.kernels.records import STRIKE
+from crowdsim.crowd.kernels.resting import ALIKE, LASTING, NEARER_BY, NO_WAY, nearest_rest
 from crowdsim.crowd.model import build_model, entry_actions
 from crowdsim.crowd.resting import actions_until, rest_rows
 from crowdsim.crowd.script import Change
@@ -96,28 +98,81 @@ def test_avatars_go_to_their_distance_stand_at_ease_and_fight_again():
     for avatar in range(2):
         entered = int(np.flatnonzero(found[:, avatar] == ENTER)[0])
         assert entered < 60 + 12 * 15
-        assert apart[entered] > 0.5 * 2.0 - NEARLY
+        assert apart[entered] > TOO_NEAR * 2.0
         assert (found[300:360, avatar] == HOLD).all()
         assert not found[420:, avatar].any()
         left = found[360:420, avatar]
         assert (left == LEAVE).any()
-    assert apart[-1] < apart[359]
     ease = np.ptp(np.stack([chunk.x, chunk.z])[:, 300:360], axis=1)
     assert ease.max() < 0.1
 
 
-@pytest.mark.parametrize("apart", [1.0, 1.6, 2.4])
-def test_an_avatar_that_turns_round_to_rest_sees_its_opponent_no_nearer_than_in_a_fight(apart):
-    crowd = build_crowd([0.0, apart], [0.0, 0.0], [-np.pi / 2, 0.0], conditioned=True, rules=0.0 * RULES)
+def seen_before_rest(apart, heading, since=0):
+    """What an avatar does that is to rest 2 m from an opponent, and how far away it sees that."""
+    crowd = build_crowd([0.0, apart], [0.0, 0.0], [heading, 0.0], conditioned=True, rules=0.0 * RULES)
     one = Simulation(replace(crowd, policies=[resting_policy()]))
     row = one.avatars.conditions[0]
-    row["mode"], row["does"], row["keeps"] = layout.RESTS, layout.WATCHES, 2.0
+    row["mode"], row["does"], row["keeps"], row["since"] = layout.RESTS, layout.WATCHES, 2.0, -since
     own = one.avatars.slot_of[0]
     target = layout.Target(apart, 1.6, 0.0, 0.0, 0.0, 1.0)
     observed = layout.Observed(np.zeros(2, np.int32), np.zeros(2, np.int32), np.zeros((2, 1), np.int32))
     seen = see_by_intent(one.model, one.avatars, one._world, one._now, own, np.int32(1), target, observed, 0)
-    assert row["does_next"] == layout.WATCHES
-    assert seen.x == pytest.approx(max(FIGHTING, apart - 2.0 + FIGHTING))
+    return row["does_next"], seen.x
+
+
+@pytest.mark.parametrize("apart", [2.4, 3.0])
+def test_an_avatar_that_turns_round_to_rest_sees_its_opponent_no_nearer_than_in_a_fight(apart):
+    does, seen = seen_before_rest(apart, -np.pi / 2)
+    assert does == layout.WATCHES
+    assert seen == pytest.approx(max(FIGHTING, apart - 2.0 + FIGHTING))
+
+
+@pytest.mark.parametrize("heading", [-np.pi / 2, np.pi / 2])
+@pytest.mark.parametrize("apart", [1.0, 1.6, 2.2])
+def test_an_avatar_that_is_too_near_to_rest_steps_back(apart, heading):
+    does, seen = seen_before_rest(apart, heading)
+    assert does == layout.WATCHES
+    assert seen == pytest.approx(max(STEPS_BACK, apart - 2.0 + FIGHTING))
+
+
+def test_an_avatar_rests_at_its_distance_and_later_is_content_with_less():
+    ahead = np.pi / 2
+    assert [seen_before_rest(2.4, ahead + off)[0] for off in (0.0, 0.9)] == [layout.RESTS, layout.WATCHES]
+    late = 2 * int(PATIENT)
+    assert [seen_before_rest(apart, ahead, late)[0] for apart in (1.4, 1.2)] == [layout.RESTS, layout.WATCHES]
+    assert seen_before_rest(2.4, ahead + 0.9, late)[0] == layout.RESTS
+
+
+def test_an_event_lets_avatars_rest_from_the_state_that_is_most_like_a_rest():
+    policy, one = resting_policy(), Simulation(replace(people(), policies=[resting_policy()]))
+    one.run(40)
+    model, ways = one.model, one.model.ways_to_rest
+    points = np.concatenate([model.bodies, model.arms], axis=1).astype(float)
+    entries = np.flatnonzero(ways["enter"] >= 0)
+    for own in range(one.present):
+        action = model.actions[one.avatars.motion["action"][own]]
+        left = action["origin"] + action["length"] * policy.database.stride
+        begins = model.actions["origin"][ways["enter"][entries]]
+        costs = ((points[left] - points[begins]) ** 2).sum(axis=(1, 2))
+        costs += LASTING * model.actions["length"][ways["enter"][entries]]
+        costs += NEARER_BY * np.maximum(model.moves["z"][ways["enter"][entries]], 0.0)
+        found = nearest_rest(model, one.avatars, own)
+        assert found == (entries[np.argmin(costs)] if costs.min() < ALIKE else -1)
+
+
+def test_nobody_strikes_at_one_that_raises_its_guard_again():
+    one = Simulation(
+        replace(people(), policies=[resting_policy()], **modes(2, (0, layout.RESTS), (240, layout.FIGHTS)))
+    )
+    one.run(236)
+    assert (one.avatars.conditions["piece"] > 0.0).all()
+    seen = set()
+    for _ in range(int(RAISES)):
+        chunk = one.run(1)
+        assert not len(chunk.events.frame)
+        seen |= set(one.avatars.conditions["does_next"].tolist())
+    assert layout.WATCHES in seen
+    assert len(one.run(200).events.frame) > 0
 
 
 def test_rests_follow_the_rows_of_the_model_one_after_another():
@@ -162,6 +217,13 @@ def test_a_knock_down_ends_a_rest():
     assert (one.avatars.conditions["piece"] > 0.0).all()
     one.avatars.conditions["standing"][0] = layout.DROPS
     one.avatars.team[one.avatars.slot_of[0]] = -2
+    strikes = np.zeros(1, STRIKE)
+    strikes["frame"], strikes["attacker"], strikes["down"] = one.frame - 1.5, 1, 1
+    one.avatars.fight["hit_x"][one.avatars.slot_of[0]] = 1.0
+    observed = layout.Observed(np.zeros(1, np.int32), np.zeros(1, np.int32), np.zeros((1, 8), np.int32))
+    now = layout.Now(one.frame - 1, 0, one.present)
+    room = np.zeros(2, np.int32), observed, np.zeros(2), np.zeros(2, np.int64)
+    assert knock_down(one.model, one.avatars, one._world, now, strikes, 0, 1, *room) == 1
     action = one.run(30).action[-1, 0]
     assert action in resting_policy().falls.actions
     assert one.avatars.conditions["piece"][0] == 0.0

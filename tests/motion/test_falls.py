@@ -17,7 +17,12 @@ from crowdsim.performer.falls import FALLS, STAGGERS
 from crowdsim.performer.session import Performance, perform
 
 FPS = 60.0
-BEARINGS = {"forward": 0.0, "backward": np.pi, "left": np.pi / 2, "right": -np.pi / 2}
+BEARINGS = {
+    **dict.fromkeys(("forward", "timber_forward", "crumple_forward"), 0.0),
+    **dict.fromkeys(("backward", "timber_back", "crumple_back", "sit", "spin_left", "spin_right"), np.pi),
+    **dict.fromkeys(("left", "wall", "fold", "knee_left"), np.pi / 2),
+    **dict.fromkeys(("right", "knee_right"), -np.pi / 2),
+}
 
 
 @cache
@@ -36,7 +41,8 @@ def test_falls_are_found_where_they_truly_are(index: int) -> None:
     (truth,) = performance.truth.falls
     assert len(found.starts) == 1
     start, down, rise, stop = (int(one[0]) for one in (found.starts, found.downs, found.rises, found.stops))
-    assert abs(start - truth.start) <= 8
+    # A body that topples begins to sink late.
+    assert abs(start - truth.start) <= (14 if truth.kind.startswith("timber") else 8)
     assert abs(down - truth.down) <= 12
     assert abs(rise - truth.rise) <= 12
     assert truth.rise + 60 < stop <= truth.end

@@ -9,6 +9,7 @@ of strikes, by its range and aggression.
 import math
 
 from crowdsim.core.angles import cos_sin
+from crowdsim.crowd.kernels.arena import outside
 from crowdsim.crowd.kernels.layout import FIGHTS, FLEES, RESTS, WATCHES, Target
 from crowdsim.crowd.kernels.obstacle_steering import go_around
 from crowdsim.crowd.kernels.resting import may_get_opponent
@@ -20,8 +21,12 @@ CLOSEST = 0.3  # how near an opponent seems at the most to one that watches [m]
 FLIGHT = 10.0  # how far away the point is that an avatar flees to [m]
 WAITING = 2.2  # how far from an opponent avatars wait that others fight already [m]
 SHYNESS = 0.1  # how much further away an avatar keeps while it rests for each halving of its aggression [m]
-FACING = 0.3  # cosine of the greatest bearing of an opponent at which an avatar begins to rest
-NEARLY = 0.5  # how much nearer than its distance an avatar may be that turns to its opponent before it rests [m]
+FACING, NEARLY = 0.75, 0.35  # cosine of the bearing of an opponent up to which an avatar rests, at first and at last
+BEYOND = 0.3  # how much further than its distance an avatar steps back, since it comes nearer as it stands at ease [m]
+PATIENT = 20.0  # frames over which it grows content with half a metre less, and with facing less [control frames]
+STEPS_BACK = 0.45  # how near an opponent seems at the most to one that is to rest [m]
+RAISES = 24.0  # how long an avatar that is to fight again may take to raise its guard [control frames]
+BORDER = 0.5  # how far it must be able to step back before the border of the arena [m]
 TOO_NEAR = 0.4  # share of its distance at which it goes away again
 ADMITTED = 0.5  # how much nearer an avatar counts that fights already, among those who would like to [m]
 
@@ -38,10 +43,11 @@ def see_by_intent(model, avatars, world, now, own, opponent, target, observed, q
         if row.piece > 0.0 or not may_get_opponent(avatars, now, own):
             does = RESTS
     elif does == RESTS and opponent != -1 and row.piece == 0.0:
-        does = _before_rest(avatars, own, target, keeps)
-        turns = does == WATCHES
-    if does == FIGHTS and opponent >= 0 and _has_to_wait(avatars, world, now, own, opponent, observed, q):
-        does, keeps = WATCHES, WAITING
+        does, turns = _before_rest(avatars, world, now.frame, own, target, keeps)
+    if does == FIGHTS and opponent >= 0:
+        waits = _raises_guard(avatars, now, opponent)
+        if waits or _has_to_wait(avatars, world, now, own, opponent, observed, q):
+            does, keeps = WATCHES, WAITING
     row.does_next = does
     x, z = avatars.x[own], avatars.z[own]
     if opponent >= 0 and does != FLEES and (target.x - x) ** 2 + (target.z - z) ** 2 > NEARBY * NEARBY:
@@ -61,23 +67,38 @@ def see_by_intent(model, avatars, world, now, own, opponent, target, observed, q
     if turns:
         # It is far enough away to rest: seen any nearer, the opponent would make it step back instead of turning round.
         keeps = min(keeps, far)
-    part = max(far - (keeps - FIGHTING), CLOSEST) / far
+    part = max(far - (keeps - FIGHTING), CLOSEST if row.mode != RESTS else STEPS_BACK) / far
     return Target(x + part * dx, target.y, z + part * dz, target.vx, target.vz, target.lasts)
 
 
 @kernel(inline=True)
-def _before_rest(avatars, own, target, keeps):
-    """Return what an avatar does that is to rest: it goes away to its distance, faces its opponent, and rests."""
+def _before_rest(avatars, world, frame, own, target, keeps):
+    """Return what an avatar does that is to rest, and whether it turns to its opponent: it steps back, turns, rests.
+
+    It steps back to its distance, and is the sooner content with how far that is, and how it faces its opponent, the
+    longer it takes. At the border of the arena it leaves that to the other.
+    """
     dx, dz = target.x - avatars.x[own], target.z - avatars.z[own]
     square = dx * dx + dz * dz
-    did = avatars.conditions[avatars.number[own]].does
-    goes = did in (FIGHTS, FLEES)
-    near = keeps - NEARLY if goes else TOO_NEAR * keeps
-    if square < near * near:
-        return FLEES
+    row = avatars.conditions[avatars.number[own]]
+    late = min((frame - row.since) / PATIENT, 2.0)
+    back = BORDER / max(math.sqrt(square), 1e-9)
+    cornered = world.arena.kind != 0.0
+    cornered = cornered and outside(world.arena, avatars.x[own] - back * dx, avatars.z[own] - back * dz) > 0.0
+    near = keeps + BEYOND - 0.5 * late if row.does != RESTS and not cornered else TOO_NEAR * keeps
     cos, sin = cos_sin(avatars.heading[own])
-    ahead = dx * sin + dz * cos
-    return RESTS if ahead > 0.0 and ahead * ahead > FACING * FACING * square else WATCHES
+    ahead, least = dx * sin + dz * cos, FACING + min(late, 1.0) * (NEARLY - FACING)
+    if square < near * near:
+        return WATCHES, False
+    return (RESTS, False) if ahead > 0.0 and ahead * ahead > least * least * square else (WATCHES, True)
+
+
+@kernel(inline=True)
+def _raises_guard(avatars, now, opponent):
+    """Return whether an opponent that has been at ease is to fight again and raises its guard."""
+    row = avatars.conditions[opponent]
+    called = row.since > 0.0 and now.frame - row.since < RAISES
+    return row.mode == FIGHTS and avatars.slot_of[opponent] < now.present and (row.piece > 0.0 or called)
 
 
 @kernel(inline=True)

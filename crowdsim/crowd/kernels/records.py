@@ -85,7 +85,7 @@ CONDITION = np.dtype(
         _F8, "mode", "does", "does_next", "keeps", "standing", "standing_next", "fall", "downs", "rises", "health",
         "hurt", "hurt_frame", "stamina", "tempo", "aggression", "range", "stance", "piece",
         "way_x", "way_z", "pace", "travel", "leg", "fell", "fell_frame", "felled",
-        "felled_frame",
+        "felled_frame", "since",
     )
 )  # fmt: skip
 """How an avatar is in a fight.
@@ -111,6 +111,7 @@ CONDITION = np.dtype(
     fell, fell_frame: 1 more than the row of ``Model.falls`` of its last fall, 0 for none, and the frame in which that
         began.
     felled, felled_frame: 1 more than the number of the avatar that it has knocked down last, 0 for none, and the frame.
+    since: The frame from which on it does what ``mode`` says.
     travel, leg: 1 more than the number of its path (``Crowd.travels``), else 0, and which point of that is next.
 """
 

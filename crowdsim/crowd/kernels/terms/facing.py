@@ -5,7 +5,7 @@ Learned values know that too, but in a throng what collisions cost outweighs the
 
 import math
 
-from crowdsim.crowd.kernels.layout import FIGHTS, NOTICES
+from crowdsim.crowd.kernels.layout import FIGHTS, NOTICES, RESTS, WATCHES
 from crowdsim.jit import kernel
 
 TURNED = 5.0  # what a unit of the cosine costs, in normalised values
@@ -16,12 +16,14 @@ NEAR = 3.0  # distance of an opponent up to which an avatar faces it [m]
 
 @kernel(inline=True)
 def face_opponent(model, avatars, world, now, own, observed, q, scratch):
-    """Lower the values of actions that end turned away from an opponent near by, if an avatar fights in a throng or notices."""
+    """Lower the values of actions that end turned away from an opponent near by, in a throng or noticed."""
     if avatars.fight[own].next_opponent < 0:
         return
     does = FIGHTS
     if avatars.conditions.shape[0] > 0:
-        does = avatars.conditions[avatars.number[own]].does_next
+        row = avatars.conditions[avatars.number[own]]
+        # An avatar that steps back to rest faces its opponent as one that notices does.
+        does = NOTICES if row.mode == RESTS and row.does_next == WATCHES else row.does_next
     if does != NOTICES and (does != FIGHTS or observed.counts[q] < THRONG or world.crowding.end_cost == 0.0):
         return
     seen = scratch.situations[q]

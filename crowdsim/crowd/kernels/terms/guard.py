@@ -9,7 +9,7 @@ NEAR = 2.0  # distance of an opponent up to which an avatar keeps its guard [m]
 
 @kernel(inline=True)
 def keep_guard(model, avatars, world, now, own, observed, q, scratch):
-    """Lower the values of actions by how long hands hang in them and behind them, if an avatar fights or notices near by."""
+    """Lower the values of actions by how long hands hang in and behind them, near an opponent fought or noticed."""
     if avatars.fight[own].next_opponent < 0:
         return
     if avatars.conditions.shape[0] > 0:
