@@ -19,7 +19,7 @@ from crowdsim.poses.motion import PoseMotion
 from crowdsim.poses.stops import find_stops
 from crowdsim.poses.trunk_assist import leaning_joints, plan_leans
 
-MOST = 0.35
+MOST = 0.45
 """Furthest that a fist is carried [m]."""
 
 

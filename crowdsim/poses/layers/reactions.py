@@ -29,7 +29,7 @@ from crowdsim.poses.motion import PoseMotion
 
 _TYPICAL_SPEED, _FOOT = 6.6, 2.0
 """Speed of a typical strike [m/s], and the effective mass of a foot over that of a fist."""
-_EVEN, _STEEP, _MOST = (0.03, 0.06), (0.14, 0.1), (0.44, 0.36)
+_EVEN, _STEEP, _MOST = (0.04, 0.06), (0.14, 0.1), (0.44, 0.36)
 """How far a typical blow brings the head, or the neck of one to the torso: whatever its impulse, by its fourth power,
 and at the most, in a body of scale 1 [m]."""
 _PUSH, _FURTHEST = 0.035, 0.1
@@ -238,7 +238,7 @@ class BlowPlanner:
             points[:, which] = body_points(body, positions, rotations, scales)[:3]
             sizes[which], radii[HEAD, which] = scales, body.head_radius * scales
             radii[TORSO, which] = body.torso_radius * scales
-        return TrunksAt(*points, sizes, radii)
+        return TrunksAt(points[0], points[1], points[2], sizes, radii)
 
     def _nearest_hands(self, near: Landed) -> Array:
         """Return the hand of each victim that is nearest to the strike, 0 left, 1 right. Shape (E,)."""
