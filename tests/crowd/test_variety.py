@@ -164,7 +164,7 @@ def test_a_hit_pushes_further_the_stronger_it_is_and_less_as_time_passes():
     assert left(1.0, 0) == pytest.approx(STEP)
     assert left(1.2, 0) == pytest.approx(1.44 * STEP)
     assert left(9.0, 0) == FURTHEST
-    assert left(1.0, 8) == pytest.approx(0.5 * STEP)
+    assert left(1.0, 4) == pytest.approx((1.0 - 4.0 / (PUSHED + 1.0)) * STEP)
     assert left(0.99 * LIGHT, 0) == left(1.0, PUSHED + 1) == 0.0
 
 
