@@ -27,7 +27,7 @@ class Fists(Layer):
     """Carries fists onto what they hit, as that is posed with its own fists."""
 
     name = "fists"
-    size = 0.4
+    size = 0.6
     needs = ("reactions", "fists")
     looks = LEAN + TOGETHER + MOTION, LEAN + TOGETHER + MOTION
     hops = 2
