@@ -45,14 +45,14 @@ def strike_way(run: ExportedRun, strike: Strike) -> tuple[Array, float]:
 
 
 def hits_body(run: ExportedRun, strike: Strike) -> bool:
-    """Return whether a strike is nearer to the victim's torso than to its head."""
+    """Return whether a strike is below the victim's neck, along its trunk, and nearer to the torso than to the head."""
     frame, body, size = round(strike.seconds * run.fps), run.figures[strike.victim], run.scales[strike.victim]
     attacker = run.figures[strike.attacker]
     fist = attacker.fists[frame, strike.limb] if strike.limb < 2 else attacker.soles[frame, strike.limb - 2, 1]
     low, axis = body.joints[frame, PELVIS], body.joints[frame, NECK] - body.joints[frame, PELVIS]
-    share = np.clip(np.dot(fist - low, axis) / max(float(np.dot(axis, axis)), 1e-12), 0.0, 1.0)
-    to_torso = np.linalg.norm(fist - low - share * axis) - run.sizes.torso_radius * size
-    return bool(to_torso < np.linalg.norm(fist - body.head[frame]) - run.sizes.head_radius * size)
+    share = np.dot(fist - low, axis) / max(float(np.dot(axis, axis)), 1e-12)
+    to_torso = np.linalg.norm(fist - low - np.clip(share, 0.0, 1.0) * axis) - run.sizes.torso_radius * size
+    return bool(share <= 1.0 and to_torso < np.linalg.norm(fist - body.head[frame]) - run.sizes.head_radius * size)
 
 
 def across_angle(figure: Figure, frame: int) -> float:

@@ -369,7 +369,7 @@ def test_the_exhausted_strike_less():
         _, events = whole(simulate(replace(people, policies=POLICIES), 300))
         return len(events["frame"])
 
-    assert thrown((0.5, 0.0, 0.0)) < 0.85 * thrown((0.0, 0.0, 0.0))
+    assert thrown((0.5, 0.0, 0.0)) < 0.9 * thrown((0.0, 0.0, 0.0))
 
 
 def test_a_crowd_that_nothing_hurts_has_no_conditions():

@@ -6,6 +6,7 @@ from avatar_fields import fields, set_fields
 from synthetic_policy import policy
 
 from crowdsim.crowd.crowd import Crowding, build_avatars, build_crowd
+from crowdsim.crowd.draw import _crowding
 from crowdsim.crowd.kernels.layout import BLOCKED, LANDED, MISSED
 from crowdsim.crowd.kernels.records import STRIKE
 from crowdsim.crowd.kernels.resolve import FOOT, GUARDED, note_hits
@@ -15,6 +16,7 @@ from crowdsim.crowd.kernels.terms.stunned import STUNS
 from crowdsim.crowd.model import build_model, strong_speed
 from crowdsim.crowd.simulate import simulate
 from crowdsim.crowd.simulation import Simulation
+from crowdsim.scenario.scenario import load_scenario
 
 POLICIES = [policy(0, frames=240)]
 
@@ -162,7 +164,7 @@ def test_a_hit_pushes_further_the_stronger_it_is_and_less_as_time_passes():
     assert left(1.0, 0) == pytest.approx(STEP)
     assert left(1.2, 0) == pytest.approx(1.44 * STEP)
     assert left(9.0, 0) == FURTHEST
-    assert left(1.0, 8) == pytest.approx(0.5 * STEP)
+    assert left(1.0, 4) == pytest.approx((1.0 - 4.0 / (PUSHED + 1.0)) * STEP)
     assert left(0.99 * LIGHT, 0) == left(1.0, PUSHED + 1) == 0.0
 
 
@@ -186,3 +188,10 @@ def test_few_strike_from_behind(looks_away):
 
     assert strikes(0.0) > 20
     assert strikes(2.0) < 0.5 * strikes(0.0) if looks_away else strikes(2.0) == strikes(0.0)
+
+
+def test_scenarios_without_reactions_neither_push_nor_stun():
+    on, off = (_crowding(load_scenario("duel", [f"reactions={value}"])) for value in ("true", "false"))
+    assert (off.back, off.stunned) == (0.0, 0.0)
+    assert on == Crowding()
+    assert replace(off, back=on.back, stunned=on.stunned) == on

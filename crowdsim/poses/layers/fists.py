@@ -19,7 +19,7 @@ from crowdsim.poses.motion import PoseMotion
 from crowdsim.poses.stops import find_stops
 from crowdsim.poses.trunk_assist import leaning_joints, plan_leans
 
-MOST = 0.35
+MOST = 0.45
 """Furthest that a fist is carried [m]."""
 
 
@@ -27,7 +27,7 @@ class Fists(Layer):
     """Carries fists onto what they hit, as that is posed with its own fists."""
 
     name = "fists"
-    size = 0.4
+    size = 0.6
     needs = ("reactions", "fists")
     looks = LEAN + TOGETHER + MOTION, LEAN + TOGETHER + MOTION
     hops = 2

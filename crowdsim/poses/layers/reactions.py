@@ -29,7 +29,7 @@ from crowdsim.poses.motion import PoseMotion
 
 _TYPICAL_SPEED, _FOOT = 6.6, 2.0
 """Speed of a typical strike [m/s], and the effective mass of a foot over that of a fist."""
-_EVEN, _STEEP, _MOST = (0.03, 0.06), (0.14, 0.1), (0.44, 0.36)
+_EVEN, _STEEP, _MOST = (0.04, 0.06), (0.14, 0.1), (0.44, 0.36)
 """How far a typical blow brings the head, or the neck of one to the torso: whatever its impulse, by its fourth power,
 and at the most, in a body of scale 1 [m]."""
 _PUSH, _FURTHEST = 0.035, 0.1
@@ -73,7 +73,7 @@ class Reactions(Layer):
 
     name = "reactions"
     size = 0.8
-    reading = 0.2
+    reading = 0.5
     needs = ("separation",)
     looks = (ROUNDS + 1) * LENGTH + _KICK, RISE
 
@@ -133,9 +133,13 @@ class TrunksAt(NamedTuple):
     radii: Array
 
     def parts(self, points: Array) -> Array:
-        """Return which part's surface is nearer to points (n, 3) [m]: ``HEAD`` or ``TORSO``. Shape (n,)."""
-        head, torso = (np.linalg.norm(points - self._nearest(points, part), axis=1) for part in (HEAD, TORSO))
-        return np.where(head - self.radii[HEAD] < torso - self.radii[TORSO], HEAD, TORSO)
+        """Return ``HEAD`` for points (n, 3) [m] beyond the neck or nearer to the head, else ``TORSO``. Shape (n,)."""
+        axis = self.pelvises - self.necks
+        share = np.sum((points - self.necks) * axis, axis=1) / np.maximum(np.sum(axis * axis, axis=1), 1e-12)
+        torso = np.linalg.norm(points - self.necks - np.clip(share, 0.0, 1.0)[:, None] * axis, axis=1)
+        head = np.linalg.norm(points - self.heads, axis=1)
+        nearer = head - self.radii[HEAD] < torso - self.radii[TORSO]
+        return np.where((share < 0.0) | nearer, HEAD, TORSO)
 
     def middles(self, parts: Array) -> Array:
         """Return the middle of heads, or of trunks, by ``parts`` (n,). Shape (n, 3) [m]."""
@@ -144,14 +148,6 @@ class TrunksAt(NamedTuple):
     def tops(self, parts: Array) -> Array:
         """Return what a blow brings along by ``parts`` (n,): heads, or necks as seen from the pelvis. (n, 3) [m]."""
         return np.where((parts == HEAD)[:, None], self.heads, self.necks - self.pelvises)
-
-    def _nearest(self, points: Array, part: int) -> Array:
-        """Return the points of the axis of a part that are nearest to points (n, 3)."""
-        if part == HEAD:
-            return self.heads
-        axis = self.pelvises - self.necks
-        share = np.sum((points - self.necks) * axis, axis=1) / np.maximum(np.sum(axis * axis, axis=1), 1e-12)
-        return self.necks + np.clip(share, 0.0, 1.0)[:, None] * axis
 
 
 class BlowPlanner:
@@ -242,7 +238,7 @@ class BlowPlanner:
             points[:, which] = body_points(body, positions, rotations, scales)[:3]
             sizes[which], radii[HEAD, which] = scales, body.head_radius * scales
             radii[TORSO, which] = body.torso_radius * scales
-        return TrunksAt(*points, sizes, radii)
+        return TrunksAt(points[0], points[1], points[2], sizes, radii)
 
     def _nearest_hands(self, near: Landed) -> Array:
         """Return the hand of each victim that is nearest to the strike, 0 left, 1 right. Shape (E,)."""

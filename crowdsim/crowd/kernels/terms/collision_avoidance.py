@@ -31,8 +31,8 @@ BYSTANDERS = 0.66  # how much of the gap and of the cost counts for those whom a
 BEFORE = 0.42  # how far from obstacles actions should end, for a scale of 1 [m]
 STRIKES = 1.2  # how far strikes reach at most, for a scale of 1 [m]
 THROUGH, AGAINST = 60.0, 8.0  # what a metre costs that is beyond that, and a strike that ends in an obstacle
-PUSHED, STEP = 15, 0.3  # for how long a hit pushes [control frames], and how far a strong one does [m]
-LIGHT, FURTHEST = 0.5, 0.6  # strength from which on a hit pushes, and how far it does at the most [m]
+PUSHED, STEP = 12, 0.22  # for how long a hit pushes [control frames], and how far a strong one does [m]
+LIGHT, FURTHEST = 0.5, 0.4  # strength from which on a hit pushes, and how far it does at the most [m]
 
 
 class Ends(NamedTuple):
