@@ -5,7 +5,7 @@ import math
 import numpy as np
 from naive_strikes import gap_to, trunk
 
-from crowdsim.core.threats import ASIDE, DISTANCES, HEIGHTS, SEEN_CELLS, SIDES, SOON
+from crowdsim.core.threats import DISTANCES
 from crowdsim.crowd.kernels.terms.defence import HIT, MARGIN, NEAR
 from crowdsim.crowd.model import TOLERANCE
 from crowdsim.motion import ground
@@ -18,7 +18,7 @@ def costs(one, opponent, avatars, near, crowd):
     choices = range(policy.actions.offsets[state], policy.actions.offsets[state + 1])
     strike, far = sees(one, opponent, avatars, near, crowd.reactions[one.cohort])
     if strike is None:
-        cell = SEEN_CELLS + sum(far >= limit for limit in DISTANCES)
+        cell = sum(far >= limit for limit in DISTANCES)
         table = np.zeros((len(policy.actions.next), cell + 1)) if policy.defence is None else policy.defence
         return np.array([HIT * weight * float(table[action, cell]) for action in choices])
     return np.array([HIT * weight * endured(one, action, *strike) for action in choices])
@@ -40,15 +40,6 @@ def sees(one, opponent, avatars, near, reaction):
             if not hidden and frames > 0 and aside <= NEAR * one.scale:
                 found.append((frames, tuple(point)))
     return (min(found) if found else None), far
-
-
-def cell_of(one, frames, point):
-    """Cell of a strike that is seen."""
-    end = one.policy.database.necks[int(one.place(one.action, one.length))]
-    soon = sum(frames > limit for limit in SOON)
-    high = point[1] > float(end[1]) * one.scale
-    aside = ground.to_local(one.stands(), np.array(point))[0] / one.scale
-    return (soon * HEIGHTS + high) * SIDES + (aside >= -ASIDE) + (aside >= ASIDE)
 
 
 def endured(one, action, frames, point):

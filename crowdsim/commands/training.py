@@ -166,7 +166,9 @@ def _print_summary(summary: dict[str, Any]) -> None:
 
 def _success_text(success: dict[str, Any]) -> str:
     """Return how often a behaviour succeeds, in words."""
-    goal = "lands a strike" if success["task"] == "strike" else "comes to its target"
+    from crowdsim.training.weaknesses import TASKS
+
+    goal = TASKS[success["task"]]
     text = f"{goal} within {success['seconds']:g} s in {success['share']:.0%} of trials"
     median = success["median_seconds"]
     return text if median is None else f"{text}, after {median:.1f} s in the median"

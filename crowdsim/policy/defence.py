@@ -1,7 +1,7 @@
-"""Defence: how many hits follow each action, by what its avatar sees coming at it.
+"""Defence: how many hits follow each action where its avatar sees no strike coming yet.
 
-A table, learned in fights (``self_play``), on the grid of ``core.threats``. It serves where an avatar cannot see a
-strike yet; what is seen control evaluates exactly (``crowd.kernels.defence``).
+A table, learned in fights (``self_play``), by the distance of attackers (``core.threats``). What is seen control
+evaluates exactly (``crowd.kernels.terms.defence``).
 """
 
 from __future__ import annotations

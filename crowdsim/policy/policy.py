@@ -123,8 +123,8 @@ class Policy:
         falls: Which actions knock an avatar down; None where the motion has no falls. Actions of the graph behind
             those that states choose among are these, and those of rests behind them.
         rests: Which actions let an avatar stand at ease; None where the motion has no rests, or none were wanted.
-        defence: Hits that follow each action of the states, by what is seen coming (``core.threats``); None where it
-            was not learned. Shape (choice_count, threats.CELLS), float32.
+        defence: Hits that follow each action of the states where no strike is seen coming, by the distance of attackers
+            (``core.threats``); None where it was not learned. Shape (choice_count, threats.CELLS), float32.
     """
 
     name: str

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field, RootModel, model_validator
 
 from crowdsim.config.documents import OpenModel
@@ -41,7 +43,7 @@ class GraphFigures(OpenModel):
 class Success(OpenModel):
     """What is reported of a behaviour's trials."""
 
-    task: str
+    task: Literal["arrive", "strike", "evade"]
     share: Number
     seconds: Number
     share_behind: Number | None

@@ -55,7 +55,9 @@ class Side:
 
 @dataclass
 class Tally:
-    """What followed actions, in sums over decisions, by action and cell (``core.threats``); A actions.
+    """What followed actions that were chosen while no strike was seen, in sums over decisions; A actions.
+
+    Cells are those of ``core.threats``.
 
     Attributes:
         taken: Hits that those who chose the action took. Shape (A, CELLS).

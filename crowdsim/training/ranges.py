@@ -206,7 +206,7 @@ def resolve_grid(spec: BehaviourSpec, database: MotionDatabase) -> Grid:
     axes, motion = [], Observed(spec, database)
     for name, axis in spec.axes.given().items():
         kind = kind_named(name)
-        unit = kind.grid_units(database.control_rate)
+        unit = kind.grid_units(database.control_rate) if kind.time else 1.0
         low, high = (None if end is None else end * unit for end in (axis.minimum, axis.maximum))
         if axis.reach:
             least, greatest = getattr(strike_reach(database), name)

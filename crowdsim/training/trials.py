@@ -13,9 +13,10 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.motion import ground
+from crowdsim.policy.axes.axis import UNSEEN_STRIKE
 from crowdsim.policy.environment import Grid
 from crowdsim.policy.policy import Behaviour, LookupTables, Policy, build_lookup_tables
-from crowdsim.policy.rewards import ProximityTerm, StrikeTerm, lands, surface_distance
+from crowdsim.policy.rewards import HitTerm, ProximityTerm, StrikeTerm, lands, surface_distance
 from crowdsim.training.evaluation import random_starts
 from crowdsim.training.ranges import strike_reach
 
@@ -31,6 +32,9 @@ CLOSE = 0.1
 ARRIVED_WITHIN, LANDED_WITHIN, WALKED_AND_LANDED_WITHIN = 10.0, 3.0, 6.0
 """By when a trial has succeeded [s]: by arrival, by a landed strike, and by one with a walk before it."""
 
+WARNED = 0.4
+"""How long before a strike reaches furthest an avatar begins that is to keep clear of it [s]."""
+
 _UNSEEN = (0.3, 1.3)
 """How far away near targets are where there are no strikes to reach them [m]."""
 
@@ -40,7 +44,7 @@ class Success:
     """How often a behaviour does what it is for.
 
     Attributes:
-        task: ``arrive`` or ``strike``.
+        task: One of ``weaknesses.TASKS``.
         seconds: By when a trial has succeeded [s].
         share: Share of the trials that succeed.
         median_seconds: Median time of those that do [s]; None where none does.
@@ -59,7 +63,8 @@ def measure_success(policy: Policy, behaviour: Behaviour, starts: int = STARTS) 
 
     One that is rewarded for strikes has succeeded when one lands, any other when it comes to where the target is
     wanted. Targets of one that is rewarded for strikes alone are where strikes reach; of one that is rewarded for being
-    near they are further away and all around; of one that is rewarded for both they are half and half.
+    near they are further away and all around; of one that is rewarded for both they are half and half. One that is
+    rewarded for neither, but pays for hits, has succeeded where a strike that it sees ``WARNED`` ahead does not land.
 
     Args:
         policy: Its actions, and the motion that says what strikes reach.
@@ -68,8 +73,13 @@ def measure_success(policy: Policy, behaviour: Behaviour, starts: int = STARTS) 
     """
     strikes = [term.tolerance for term in behaviour.terms if isinstance(term, StrikeTerm)]
     wanted = [term.between[1] for term in behaviour.terms if isinstance(term, ProximityTerm)]
+    hits = [term.distance for term in behaviour.terms if isinstance(term, HitTerm) and term.distance is not None]
+    evades = bool(hits) and not strikes and not wanted
     states, targets = _starts(policy, bool(strikes), bool(wanted), starts)
-    if strikes:
+    if evades:
+        seconds, goal = WARNED, _Goal(outside=hits[0])
+        targets *= (hits[0][0] + hits[0][1]) / 2.0 / np.hypot(targets[:, :1], targets[:, 2:]) * [1, 0, 1] + [0, 1, 0]
+    elif strikes:
         seconds = WALKED_AND_LANDED_WITHIN if wanted else LANDED_WITHIN
         goal = _Goal(tolerance=max(strikes))
     else:
@@ -79,7 +89,7 @@ def measure_success(policy: Policy, behaviour: Behaviour, starts: int = STARTS) 
     done = np.isfinite(times)
     behind = targets[:, 2] < 0.0
     return Success(
-        task="strike" if strikes else "arrive",
+        task="evade" if evades else ("strike" if strikes else "arrive"),
         seconds=seconds,
         share=float(done.mean()),
         median_seconds=float(np.median(times[done])) if done.any() else None,
@@ -89,10 +99,11 @@ def measure_success(policy: Policy, behaviour: Behaviour, starts: int = STARTS) 
 
 @dataclass(frozen=True)
 class _Goal:
-    """What ends a trial: being so near [m], or a strike that lands by a tolerance [m]."""
+    """What ends a trial: being so near [m], a strike that lands by a tolerance [m], or being elsewhere when it does."""
 
     within: float | None = None
     tolerance: float | None = None
+    outside: tuple[float, float] | None = None
 
 
 def _starts(policy: Policy, strikes: bool, walks: bool, count: int) -> tuple[Array, Array]:
@@ -132,11 +143,11 @@ def _run_trials(
     for i in range(len(states)):
         state, target, frame, heading = int(states[i]), np.asarray(targets[i], dtype=float), 0, float(headings[i])
         while frame < horizon:
-            count = evaluate_actions(
-                tables, weights, state, Target(target[0], target[1], target[2], 0.0, 0.0, heading), corners, values
-            )
+            impact = float(horizon - frame) if goal.outside is not None else UNSEEN_STRIKE
+            seen = Target(target[0], target[1], target[2], 0.0, 0.0, heading, impact)
+            count = evaluate_actions(tables, weights, state, seen, corners, values)
             action = int(actions.offsets[state]) + int(np.argmax(values[:count]))
-            reached = frame + _time_in_action(policy, action, target, goal)
+            reached = frame + _time_in_action(policy, action, target, goal, horizon - frame)
             if reached <= horizon:
                 times[i] = reached
                 break
@@ -147,12 +158,19 @@ def _run_trials(
     return times
 
 
-def _time_in_action(policy: Policy, action: int, target: Array, goal: _Goal) -> float:
-    """Return when within an action its goal is reached [control frames]; infinity where it is not."""
+def _time_in_action(policy: Policy, action: int, target: Array, goal: _Goal, left: int) -> float:
+    """Return when within an action its goal is reached [control frames]; infinity where it is not.
+
+    The trial ends in ``left`` frames.
+    """
     actions = policy.actions
+    path = np.asarray(actions.paths[actions.path_offsets[action] : actions.path_offsets[action + 1]], dtype=float)
+    far = np.hypot(target[0] - path[:, 0], target[2] - path[:, 1])
+    if goal.outside is not None:
+        clear = left <= len(far) and not goal.outside[0] <= far[left - 1] <= goal.outside[1]
+        return float(left) if clear else math.inf
     if goal.within is not None:
-        path = np.asarray(actions.paths[actions.path_offsets[action] : actions.path_offsets[action + 1]], dtype=float)
-        near = np.flatnonzero(np.hypot(target[0] - path[:, 0], target[2] - path[:, 1]) <= goal.within)
+        near = np.flatnonzero(far <= goal.within)
         return float(near[0]) + 1.0 if len(near) else math.inf
     for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
         if lands(surface_distance(actions.strike_positions[strike], target, policy.body), goal.tolerance or 0.0):

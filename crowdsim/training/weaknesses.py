@@ -43,6 +43,14 @@ FEW_ACTIONS = 4
 _NAMED = 3
 
 
+TASKS = {
+    "arrive": "comes to its target",
+    "strike": "lands a strike",
+    "evade": "keeps clear of a strike",
+}
+"""What behaviours are tried at (``trials.measure_success``), in words."""
+
+
 @dataclass(frozen=True)
 class Weakness:
     """Something that a policy is bad at.
@@ -129,7 +137,7 @@ def _of_travel(statistics: Mapping[str, Any]) -> Iterator[Weakness]:
 def _of_behaviours(statistics: Mapping[str, Any]) -> Iterator[Weakness]:
     for name, facts in statistics["behaviours"].items():
         success = facts["success"]
-        goal = "lands a strike" if success["task"] == "strike" else "comes to its target"
+        goal = TASKS[success["task"]]
         if success["share"] < SUCCESS:
             yield Weakness(
                 f"{name} {goal} within {success['seconds']:g} s in only {success['share']:.0%} of trials",

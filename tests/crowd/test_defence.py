@@ -9,7 +9,7 @@ import pytest
 from avatar_fields import set_fields
 from synthetic_policy import policy
 
-from crowdsim.core.threats import CELLS, SEEN_CELLS
+from crowdsim.core.threats import CELLS
 from crowdsim.crowd.crowd import build_crowd
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.layout import Now, Observed
@@ -145,7 +145,7 @@ def test_what_was_decided_long_enough_ago_is_seen_where_and_when_it_lands():
                 np.testing.assert_allclose(strikes.point[thrown][0], point, atol=1e-4)
                 found += 1
         for i, threat in enumerate(threats(one, 1)):
-            if threat.cell < SEEN_CELLS:
+            if threat.cell < 0:
                 opponent = one.avatars.opponent[i]
                 assert ages(one)[one.avatars.slot_of[opponent]] >= 1
                 expected.append((one.frame - 1 + threat.frames, opponent, threat.point))

@@ -6,9 +6,20 @@ import numpy as np
 import pytest
 
 from crowdsim.policy.bundle import load_policy
+from crowdsim.training.behaviours import train_behaviour
 from crowdsim.training.evaluation import EpisodeSettings, run_episodes
+from crowdsim.training.recipe import BehaviourSpec
 from crowdsim.training.statistics import inspect_bundle
-from crowdsim.training.trials import ARRIVED_WITHIN, CLOSE, LANDED_WITHIN, _Goal, _run_trials, _starts, measure_success
+from crowdsim.training.trials import (
+    ARRIVED_WITHIN,
+    CLOSE,
+    LANDED_WITHIN,
+    WARNED,
+    _Goal,
+    _run_trials,
+    _starts,
+    measure_success,
+)
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +49,21 @@ def test_success_reports_what_is_done_how_often_and_how_soon(policy):
         assert success.share > 0.8
         assert 0.0 < success.median_seconds < success.seconds
     assert 0.0 <= found["approach"].share_behind <= 1.0
+
+
+def test_a_behaviour_that_pays_for_hits_is_tried_at_keeping_clear_of_one(policy):
+    spec = BehaviourSpec.model_validate(
+        {
+            "axes": {"distance": {"count": 8, "maximum": 2.0}, "bearing": {"count": 8}, "impact": {"count": 5}},
+            "rewards": [{"kind": "hit"}],
+        }
+    )
+    evade, _ = train_behaviour("evade", spec, policy.database, policy.actions, policy.body)
+    found = measure_success(policy, evade)
+    assert (found.task, found.seconds) == ("evade", WARNED)
+    assert found.share > 0.5
+    blind = replace(evade, table=0.0 * evade.table, terms=(evade.terms[0].model_copy(update={"weight": 0.0}),))
+    assert measure_success(policy, blind).share < 0.8 * found.share
 
 
 def test_a_behaviour_that_wants_to_be_elsewhere_does_not_succeed(policy):

@@ -74,7 +74,7 @@ FIGHT = np.dtype([
     hit_by: Number of the avatar that hit it last, or -1.
     thrown, thrown_until: Motion of its latest action with strikes (``Model.twins``), or -1, and the frame in which that
         ends.
-    threat: What it saw coming when it decided (``core.threats``), or -1.
+    threat: How far away its attackers were when it decided (``core.threats``), -1 where it saw a strike coming.
 """
 
 SLIDE = np.dtype(_fields(_F8, "x", "z"))

@@ -12,10 +12,9 @@ import numpy as np
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.bodies import distance_from_body
-from crowdsim.core.threats import ASIDE, DISTANCES, SEEN_CELLS, SIDES, SOON
+from crowdsim.core.threats import DISTANCES
 from crowdsim.crowd.kernels.advance import over_ground
-from crowdsim.crowd.kernels.interpolation import between, ground_at
-from crowdsim.crowd.kernels.layout import NECK
+from crowdsim.crowd.kernels.interpolation import ground_at
 from crowdsim.crowd.kernels.postures import Standing, posed_body
 from crowdsim.jit import kernel
 
@@ -28,7 +27,7 @@ class Threat(NamedTuple):
     """What an avatar sees coming.
 
     Attributes:
-        cell: The cell of the defence's grid.
+        cell: The cell of the defence's table where no strike is seen, else -1.
         frames: Control frames until the strike reaches furthest; infinite where none is seen.
         point: Where it does [m].
     """
@@ -53,7 +52,7 @@ def defend(model, avatars, world, now, own, observed, q, scratch):
     avatars.fight[own].threat = threat.cell
     for k in range(model.offsets[state + 1] - model.offsets[state]):
         action = model.offsets[state] + k
-        if threat.cell < SEEN_CELLS:
+        if threat.cell < 0:
             scratch.values[q, k] -= cost * _endured(model, avatars, own, action, threat)
         else:
             scratch.values[q, k] -= cost * defence[action, threat.cell]
@@ -93,26 +92,11 @@ def see_threat(model, avatars, cohorts, now, own, observed, q):
             if (sx - x) ** 2 + (sz - z) ** 2 <= NEAR * NEAR * size * size:
                 soonest, fx, fy, fz = frames, sx, strikes[k].y * playback[j].scale, sz
     if soonest == np.inf:
-        far, cell = math.sqrt(nearest) / size, SEEN_CELLS
+        far, cell = math.sqrt(nearest) / size, 0
         for limit in DISTANCES:
             cell += far >= limit
         return Threat(cell, np.inf, (fx, fy, fz))
-    return Threat(_cell_of(model, avatars, own, soonest, fx, fy, fz), soonest, (fx, fy, fz))
-
-
-@kernel(inline=True)
-def _cell_of(model, avatars, own, frames, x, y, z):
-    """Return the cell of a strike in progress, by its time, height and side."""
-    motion = avatars.motion
-    cos, sin = cos_sin(avatars.heading[own])
-    aside = ((x - avatars.x[own]) * cos - (z - avatars.z[own]) * sin) / avatars.playback[own].scale
-    action = motion[own].action
-    end = model.actions[action].origin + model.actions[action].length * model.policies[avatars.policy[own]].stride
-    cell = 0
-    for limit in SOON:
-        cell += frames > limit
-    cell = 2 * cell + (y > between(model.bodies, np.float64(end), NECK, 1) * avatars.playback[own].scale)
-    return SIDES * cell + (aside >= -ASIDE) + (aside >= ASIDE)
+    return Threat(-1, soonest, (fx, fy, fz))
 
 
 @kernel(inline=True)
