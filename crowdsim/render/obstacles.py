@@ -39,7 +39,7 @@ def add_obstacles(
     """
     stands = ~((parts["opens"] <= seconds) & (seconds < parts["closes"]))
     own, faces = _scenery_of(parts[stands].tobytes())
-    joined = join_capsules(capsules, own)
+    joined = capsules.joined(own)
     if not len(faces.triangles):
         return joined, skins
     faces = replace(faces, homes=faces.homes + np.int32(len(capsules.shapes)))
@@ -53,12 +53,7 @@ def add_obstacles(
     return joined, PosedSkins(*(np.concatenate(pair) for pair in zip(_values(skins), _values(faces), strict=True)))
 
 
-def join_capsules(one: Capsules, other: Capsules) -> Capsules:
-    """Return the capsules of both."""
-    return Capsules(*(np.concatenate(pair) for pair in zip(_values(one), _values(other), strict=True)))
-
-
-def _values(one: Capsules | PosedSkins) -> list[Array]:
+def _values(one: PosedSkins) -> list[Array]:
     return [getattr(one, field.name) for field in fields(one)]
 
 

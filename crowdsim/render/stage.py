@@ -18,7 +18,7 @@ from crowdsim.render.caption import draw_caption
 from crowdsim.render.crowd_path import watch
 from crowdsim.render.edit import EditedSource
 from crowdsim.render.look import Look
-from crowdsim.render.obstacles import add_obstacles, hide_avatars, join_capsules
+from crowdsim.render.obstacles import add_obstacles, hide_avatars
 from crowdsim.render.raycast import Capsules, Flashes, PosedSkins, draw
 from crowdsim.render.scene import Cast, build_cast
 from crowdsim.render.skins import BODY_SCALE, LEAST_SCALE, SkinCast
