@@ -17,6 +17,7 @@ from on_disk import sign
 from scenes import crowdsim
 
 from crowdsim.errors import TakeError
+from crowdsim.motion.strikers import LIMBS
 from crowdsim.policy import checks
 from crowdsim.policy.behind_checks import BEHIND, relations_behind
 from crowdsim.policy.bundle import file_hash, with_checksum
@@ -96,8 +97,8 @@ ARRAYS: dict[str, tuple[str, Change, str]] = {
     "a capsule of no part": ("body_capsule_parts", set_entry(0, 200), "holds 200 at [0], expected numbers from 0 to 5"),
     "a limb that no body has": (
         "database_strike_limbs",
-        set_entry(0, 4),
-        "holds 4 at [0], expected numbers from 0 t",
+        set_entry(0, len(LIMBS)),
+        f"holds {len(LIMBS)} at [0], expected numbers from 0 t",
     ),
     "a rotation of no length": (
         "database_rotations",
@@ -255,7 +256,11 @@ TAKES: dict[str, tuple[str, Change, str]] = {
     "a strike by nobody": ("events/attacker", set_entry(0, -1), "holds -1 at [0], expected indices from 0 to 3"),
     "a victim that is not there": ("events/victim", set_entry(0, 4), "holds 4 at [0], expected indices from -2 to 3"),
     "a third hand": ("events/hand", set_entry(0, 2), "holds 2 at [0], expected numbers from 0 to 1"),
-    "a fifth limb": ("events/limb", set_entry(0, 4), "holds 4 at [0], expected numbers from 0 t"),
+    "a limb that no body has": (
+        "events/limb",
+        set_entry(0, len(LIMBS)),
+        f"holds {len(LIMBS)} at [0], expected numbers from 0 t",
+    ),
     "a fist at no place": ("events/point", set_entry((0, 2), np.nan), "holds nan at [0, 2], expected numbers from"),
     "a target at no place": ("target", set_entry((1, 0, 0), np.inf), "holds inf at [1, 0, 0], expected numbers from"),
 }
