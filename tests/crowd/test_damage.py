@@ -259,7 +259,7 @@ def test_from_the_blow_on_an_avatar_that_is_knocked_down_falls_and_throws_nothin
         assert not ((events.frame > since[events.attacker] + 1e-6) & ~events.down).any()
         since[:] = np.inf
     assert len(blows) > 10
-    assert cut > 5
+    assert cut > 3
 
 
 @pytest.mark.parametrize("falls", [False, True])
@@ -366,10 +366,11 @@ def test_no_more_attack_one_opponent_than_may():
 def test_the_exhausted_strike_less():
     def thrown(tires):
         people = fighters(12, interval=3.0, rules=rules(tires=tires) * np.where(np.arange(12) == 0, 0.0, 1.0))
-        _, events = whole(simulate(replace(people, policies=POLICIES), 300))
+        calm = replace(people.crowding, back=0.0, stunned=0.0)
+        _, events = whole(simulate(replace(people, policies=POLICIES, crowding=calm), 300))
         return len(events["frame"])
 
-    assert thrown((0.5, 0.0, 0.0)) < 0.9 * thrown((0.0, 0.0, 0.0))
+    assert thrown((0.5, 0.0, 0.0)) < 0.85 * thrown((0.0, 0.0, 0.0))
 
 
 def test_a_crowd_that_nothing_hurts_has_no_conditions():

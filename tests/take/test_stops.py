@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from take.synthetic_take import database, sampler
 from take.test_poses import duel
@@ -30,6 +30,7 @@ def depth_of(point: np.ndarray, capsule: np.ndarray) -> float:
     return float(capsule[6] - np.linalg.norm(axis - point, axis=1).min())
 
 
+@settings(deadline=None)
 @given(st.integers(0, 10_000))
 def test_a_fist_in_a_capsule_is_brought_to_its_surface_and_one_outside_stays(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -11,12 +11,13 @@ from crowdsim.crowd.kernels.terms.rest import seek_rest
 from crowdsim.crowd.kernels.terms.stance import keep_stance
 from crowdsim.crowd.kernels.terms.stillness import favour_stillness
 from crowdsim.crowd.kernels.terms.strikes import weigh_strikes
+from crowdsim.crowd.kernels.terms.stunned import hold_strikes
 from crowdsim.crowd.kernels.terms.variety import avoid_repetition
 from crowdsim.jit import kernel
 
 NAMES = (
-    "learned", "collisions", "repetition", "defence", "rest", "strikes", "stillness", "facing", "guard", "stance",
-    "pace",
+    "learned", "collisions", "repetition", "defence", "rest", "strikes", "stun", "stillness", "facing", "guard",
+    "stance", "pace",
 )  # fmt: skip
 """Names of the terms, in the order of ``evaluate``."""
 
@@ -42,13 +43,15 @@ def explain(model, avatars, world, now, due, count, observed, scratch, sums):
         sums[4, q] = scratch.values[q]
         weigh_strikes(model, avatars, world, now, own, observed, q, scratch)
         sums[5, q] = scratch.values[q]
-        favour_stillness(model, avatars, world, now, own, observed, q, scratch)
+        hold_strikes(model, avatars, world, now, own, observed, q, scratch)
         sums[6, q] = scratch.values[q]
-        face_opponent(model, avatars, world, now, own, observed, q, scratch)
+        favour_stillness(model, avatars, world, now, own, observed, q, scratch)
         sums[7, q] = scratch.values[q]
-        keep_guard(model, avatars, world, now, own, observed, q, scratch)
+        face_opponent(model, avatars, world, now, own, observed, q, scratch)
         sums[8, q] = scratch.values[q]
-        keep_stance(model, avatars, world, now, own, observed, q, scratch)
+        keep_guard(model, avatars, world, now, own, observed, q, scratch)
         sums[9, q] = scratch.values[q]
-        keep_pace(model, avatars, world, now, own, observed, q, scratch)
+        keep_stance(model, avatars, world, now, own, observed, q, scratch)
         sums[10, q] = scratch.values[q]
+        keep_pace(model, avatars, world, now, own, observed, q, scratch)
+        sums[11, q] = scratch.values[q]
