@@ -43,6 +43,7 @@ from crowdsim.crowd.script import target_positions
 from crowdsim.crowd.stances import stance_actions
 from crowdsim.motion import ground
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.motion.strikers import LEGS
 from crowdsim.policy.axes.axis import UNSEEN_STRIKE
 
 
@@ -281,7 +282,7 @@ def note_hits(strikes, avatars, frame):
         attacker, victim, limb, outcome = *strike[1:4], strike[8]
         if outcome in (LANDED, BLOCKED) and victim >= 0:
             strong = np.percentile(avatars[attacker].policy.database.strike_speeds.astype(float), STRONG)
-            mass = (FOOT if limb >= 2 else 1.0) * avatars[attacker].scale ** 3
+            mass = (FOOT if limb in LEGS else 1.0) * avatars[attacker].scale ** 3
             share = LET_THROUGH if outcome == BLOCKED else 1.0
             found.setdefault(victim, []).append((-strike[7] / strong * mass * share, attacker))
     for victim, hits in found.items():

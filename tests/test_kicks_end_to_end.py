@@ -106,7 +106,8 @@ def test_kicks_land_and_touch_in_a_run(inside: Path) -> None:
     assert set(table["limb"].tolist()) <= {"left_foot", "right_foot"}
     assert (table["y"] > 0.7).all()
     figures = measure_take(run.sampler)
-    assert figures["fist_gap_95"] < 0.03
+    # Each is thrown back by the kicks of the other meanwhile.
+    assert figures["fist_gap_95"] < 0.05
     at = np.flatnonzero(landed)[0]
     poses = run.sampler.moments(np.array([events.attacker[at]]), np.array([events.frame[at] / 15.0]))
     for _, body, scales, positions, rotations in poses:

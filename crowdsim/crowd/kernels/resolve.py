@@ -12,7 +12,7 @@ from crowdsim.crowd.kernels.prefetch import prefetch, prefetch_avatar
 from crowdsim.jit import kernel
 from crowdsim.places.kernels.distance import is_way_free
 
-FOOT = 2.0  # effective mass of a foot over that of a fist
+FOOT, LEGS = 2.0, (2, 3, 6, 7)  # effective mass of feet and knees over that of a fist, and their ``LIMBS``
 GUARDED = 1.0 / 3.0  # share of an impulse that gets through the arm that blocks it
 
 
@@ -82,7 +82,7 @@ def note_hits(model, avatars, frame, strikes, first, last):
             continue
         i, j = slot_of[attacker], slot_of[victim]
         strength = strikes[k].speed / model.sizes[avatars.policy[i]].strong
-        strength *= FOOT if strikes[k].limb >= 2 else 1.0
+        strength *= FOOT if strikes[k].limb in LEGS else 1.0
         strength *= GUARDED if outcome == BLOCKED else 1.0
         strength *= avatars.playback[i].scale ** 3
         dx, dz = avatars.x[j] - avatars.x[i], avatars.z[j] - avatars.z[i]

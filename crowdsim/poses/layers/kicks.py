@@ -22,9 +22,9 @@ from crowdsim.poses.kernels.records import FootPlants, Posed
 from crowdsim.poses.layer import Layer, Part
 from crowdsim.poses.window import Window
 
-MOST = 0.25
+MOST = 0.35
 """Furthest that a foot is carried [m]."""
-_MOST_MOVE = 0.085
+_MOST_MOVE = 0.12
 """Furthest that the pelvis goes for it [m]."""
 _BACK = 0.5
 """Share of what a straight leg has to get shorter that the pelvis gives by going back."""
