@@ -124,7 +124,7 @@ def test_strikes_land_and_touch_in_a_run(inside: Path, name: str) -> None:
     assert set(run.strikes()["limb"].tolist()) <= LANDING[name]
     figures = measure_take(run.sampler)
     assert figures["fist_gap_median"] < 0.025 + THICKER[name]
-    assert figures["fist_gap_95"] < 0.25
+    assert figures["fist_gap_95"] < 0.45  # each is thrown back by the strikes of the other
     at = landed[0]
     for _, body, scales, positions, rotations in run.sampler.moments(
         np.array([events.attacker[at]]), np.array([events.frame[at] / 15.0])

@@ -22,7 +22,7 @@ from crowdsim.poses.kernels.records import Posed
 from crowdsim.poses.layer import Layer, Part
 from crowdsim.poses.motion import PoseMotion
 
-MOST = 0.45
+MOST = 0.9
 """Furthest that something that strikes is carried [m]."""
 _CHAINS = {
     Kind.PROP: (("hand", 0.5), ("shoulder", 0.6), ("chest", 0.25), ("spine", 0.2)),
@@ -32,7 +32,7 @@ _CHAINS = {
 }
 """Joints that turn, from what strikes to the trunk, and which share of the way each gives in a round."""
 _JOINTS, _ROUNDS = 4, 40
-_MOST_TURN = math.radians(40.0)
+_MOST_TURN = math.radians(70.0)
 """Most that a joint turns [rad]."""
 _GLOVE = 0.06
 """Radius of a glove, for which ``find_surfaces`` finds how near its middle comes [m]."""
