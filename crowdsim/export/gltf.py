@@ -14,6 +14,7 @@ import os
 import struct
 import threading
 import uuid
+from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -310,11 +311,10 @@ class GltfSink:
     def _add_obstacles(self, document: Document, animate: Callable[..., None]) -> None:
         """Add a node for each obstacle, and one for each door, which is scaled to nothing while it is open."""
         parts = self._sampler.obstacles
-        doors = np.cumsum(parts["kind"] == DOOR)
-        keys = [
-            (int(part["kind"]), int(part["obstacle"]), int(door) if part["kind"] == DOOR else 0)
-            for part, door in zip(parts, doors, strict=True)
-        ]
+        keys, doors = list[tuple[int, int, int]](), Counter[int]()
+        for kind, number in zip(parts["kind"].tolist(), parts["obstacle"].tolist(), strict=True):
+            doors[number] += kind == DOOR
+            keys.append((kind, number, doors[number] if kind == DOOR else 0))
         for key in dict.fromkeys(keys):
             kind, number, door = key
             shown = parts[[one == key for one in keys]]
