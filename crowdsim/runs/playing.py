@@ -318,6 +318,7 @@ class Session:
         return self._changed({"duration": self.frame, "targets": targets, "events": (*self.scenario.events, *events)})
 
     def _target(self, index: int, target: Any) -> Any:
+        """Return a target as it has been dragged, which is not checked yet."""
         path = self.crowd.targets[index]
         assert isinstance(path, KeyPath)
         if index not in self._dragged:
@@ -326,12 +327,12 @@ class Session:
         if not keys:
             return target
         before = target.before if isinstance(target, KeysTarget) else target
-        return KeysTarget(kind="keys", keys=tuple(keys), before=before)
+        return {"kind": "keys", "keys": keys, "before": None if before is None else before.model_dump()}
 
     def _changed(self, changes: Mapping[str, Any]) -> Scenario:
         """Return the scenario with other keys, checked as a file is."""
         plain = {
-            key: {name: one.model_dump() for name, one in value.items()}
+            key: {name: one if isinstance(one, dict) else one.model_dump() for name, one in value.items()}
             if isinstance(value, dict)
             else [one.model_dump() for one in value]
             if isinstance(value, tuple)

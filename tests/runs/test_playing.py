@@ -116,6 +116,40 @@ def test_a_scripted_target_keeps_its_path_until_it_is_dragged(session, workplace
     assert written.targets["ball"].before.radius == 1.5
 
 
+def test_a_target_of_a_recording_is_dragged_amid_its_keys(session, workplace) -> None:
+    keys = [[0, 0.0, 1.55, 2.0], [7, 1.0, 1.4, 2.3], [23, -0.7, 1.5, 1.9], [30, 0.3, 1.5, 2.0]]
+    data = scene(
+        targets={"ball": {"kind": "keys", "keys": keys}}, opponents=FOLLOWS, groups=scene()["groups"][:1], duration=40
+    )
+    played, plain = session(load_scenario(data)), library.run(load_scenario(data))
+    steps(played, 12)
+    played.drag(0, 3.0, 1.4, 0.0)
+    steps(played, 8)
+    played.drag(0, 3.1, 1.4, 0.0)
+    played.drag(0, 3.2, 1.4, 0.0)
+    steps(played, 8)
+    played.record(workplace / "kept")
+    kept = library.open_run(workplace / "kept")
+    np.testing.assert_array_equal(kept.targets[:12], plain.targets[:12])
+    np.testing.assert_allclose(kept.targets[12:, 0, 0], [3.0] * 8 + [3.2] * 8)
+
+
+def test_a_key_amid_others_leaves_the_way_before_it_as_it_was() -> None:
+    def path(before=None):
+        return KeyPath(15.0, [3, 10, 20], [(0.1, 1.5, 2.0), (0.4, 1.5, 2.3), (9.0, 1.5, 2.0)], before)
+
+    circle = CirclePath(2.0, 0.5, (0.0, 0.0), 1.6)
+    for before in (None, circle):
+        for frame in range(25):
+            one = path(before)
+            one.add(frame, (5.0, 1.0, 5.0))
+            assert one.frames == sorted(set(one.frames))
+            old = target_positions([path(before)], 0, 25, 15.0)
+            new = target_positions([one], 0, 25, 15.0)
+            np.testing.assert_array_equal(new[:frame], old[:frame])
+            np.testing.assert_array_equal(new[frame:, 0], np.tile([5.0, 1.0, 5.0], (25 - frame, 1)))
+
+
 def test_a_session_begins_again_as_it_began(session) -> None:
     played = session(load_scenario(scene()))
     before = steps(played, 10)
