@@ -14,6 +14,7 @@ from crowdsim.commands.progress import Bars
 from crowdsim.commands.viewing import serve
 from crowdsim.core.workers import CORES
 from crowdsim.errors import CrowdsimError, OutputError
+from crowdsim.files import remove_tree
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -67,9 +68,17 @@ def play(
     command = shlex.join(["crowdsim", *sys.argv[1:]])
     session = Session(scenario, _policies(scenario, mocap, threads), threads)
 
+    safe: list[Path] = []
+
     def record() -> str:
+        # A signal may end the process before the run is written.
+        safe.append(_write(session, folder))
         place = free_folder(folder)
-        session.record(place, command)
+        try:
+            session.record(place, command)
+        finally:
+            kept = safe.pop()
+            remove_tree(kept.parent, kept.name)
         say(f"{place}: recorded, {session.frame} control frames")
         return f"Recorded as {place}."
 
@@ -80,6 +89,8 @@ def play(
     try:
         serve(server, host, not no_open)
     finally:
+        for kept in safe:
+            note(f"it is still being recorded; until that is done, {kept / 'scenario.yaml'} repeats what was played")
         # What has come must not wait for a step.
         stage.close()
         _keep(session, folder)
@@ -121,11 +132,16 @@ def free_folder(folder: Path) -> Path:
 
 def _keep(session: Session, folder: Path) -> None:
     """Write the scenario of what was played and not recorded, if anything was done."""
-    if not session.is_changed:
-        return
+    if session.is_changed:
+        place = _write(session, folder)
+        note(f"what was played is kept: crowdsim run {shlex.quote(str(place / 'scenario.yaml'))} repeats it")
+
+
+def _write(session: Session, folder: Path) -> Path:
+    """Write the scenario of what was played beside a run folder, and return where."""
     place = free_folder(folder.with_name(f"{folder.name}_session"))
     try:
         session.keep(place)
     except (CrowdsimError, OSError) as error:
         raise OutputError(f"{place}: what was played could not be kept: {error}") from None
-    note(f"what was played is kept: crowdsim run {shlex.quote(str(place / 'scenario.yaml'))} repeats it")
+    return place

@@ -12,6 +12,7 @@ import re
 import secrets
 import socket
 import threading
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -223,7 +224,9 @@ async def _play(stage: Stage, socket: WebSocket) -> None:
     tasks = [asyncio.create_task(tell()), asyncio.create_task(listen())]
     await asyncio.to_thread(stage.watch, send)
     try:
-        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        # It is cancelled where the server ends while something is being done.
+        with suppress(asyncio.CancelledError):
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
         await asyncio.to_thread(stage.leave, send)
         for task in tasks:

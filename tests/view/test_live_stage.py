@@ -19,6 +19,7 @@ from scenes import crowdsim, scene, write_scene
 
 import crowdsim as library
 from crowdsim.commands.playing import free_folder
+from crowdsim.errors import RunError
 from crowdsim.preparation.prepare import load_policies
 from crowdsim.runs.playing import Session, boxer_and_target
 from crowdsim.scenario.scenario import load_scenario
@@ -351,6 +352,35 @@ def test_the_command_plays_and_records_where_it_is_told(workplace, monkeypatch, 
     said = capsys.readouterr()
     assert f"{kept}: recorded, {LAG + 1} control frames" in said.out
     assert "what was played is kept" not in said.err
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_what_was_played_is_kept_while_it_is_recorded(workplace, monkeypatch, fails) -> None:
+    stages, found, real, record = [], [], serving.open_server, Session.record
+
+    def open_server(stage, *others):
+        stages.append(stage)
+        return real(stage, *others)
+
+    def recording(session, *others):
+        found.append(load_scenario(workplace / "kept_session" / "scenario.yaml").duration)
+        if fails:
+            raise RunError("the disk is full")
+        return record(session, *others)
+
+    def serve(server) -> None:
+        stages[0].act('{"do": "drag", "target": 0, "x": 1.5, "y": 1.4, "z": 0.5}')
+        stages[0].act('{"do": "step"}')
+        stages[0].act('{"do": "record"}')
+        assert not (workplace / "kept_session").exists()
+
+    monkeypatch.setattr(serving, "open_server", open_server)
+    monkeypatch.setattr(serving.Server, "serve", serve)
+    monkeypatch.setattr(Session, "record", recording)
+    assert crowdsim("play", "tiny", "--no-open", "--paused", "--out", workplace / "kept") == 0
+    assert found == [LAG + 2]
+    assert (workplace / "kept_session").exists() == fails
+    assert (workplace / "kept").exists() != fails
 
 
 def test_crowds_that_are_too_large_for_real_time_are_announced(workplace, monkeypatch, capsys) -> None:
