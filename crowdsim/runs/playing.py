@@ -17,7 +17,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.crowd.chunk import Frame
-from crowdsim.crowd.draw import draw_crowd, is_conditioned
+from crowdsim.crowd.draw import draw_crowd, is_conditioned, reacts
 from crowdsim.crowd.events import VARIABLES
 from crowdsim.crowd.explaining import Decision
 from crowdsim.crowd.jit_warmup import warm_up
@@ -165,7 +165,7 @@ class Session:
         found: dict[str, Any] = {"behaviours": weights, "temperature": kind.temperature}
         if kind.tempo is not None:
             found["tempo"] = middle(kind.tempo)
-        if DEFEND in own:
+        if reacts(policy):
             found["reaction"] = kind.reaction
         return found
 

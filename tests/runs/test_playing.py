@@ -7,6 +7,7 @@ import pytest
 from scenes import crowdsim, scene, write_scene
 
 import crowdsim as library
+from crowdsim.crowd.draw import sees_strikes, unlearned_behaviours
 from crowdsim.crowd.script import CirclePath, KeyPath, seen_targets, target_positions
 from crowdsim.errors import OutputError, RunError, ScenarioError
 from crowdsim.preparation.prepare import load_policies
@@ -275,3 +276,33 @@ def test_events_of_single_avatars_are_checked(workplace, event, message) -> None
     with pytest.raises(ScenarioError) as caught:
         load_scenario(scene(events=[{**event, "when": {"kind": "frame", "frame": 1}}]))
     assert message in str(caught.value)
+
+
+def test_a_time_to_react_needs_a_policy_that_reacts(workplace) -> None:
+    kinds = {"boxer": {"policy": "tiny"}, "quick": {"policy": "other", "reaction": 0.1}}
+    events = [{"kind": "weights", "when": {"kind": "frame", "frame": 3}, "reaction": 0.3, "type": "boxer"}]
+    groups = [*scene()["groups"], {**scene()["groups"][0], "name": "green", "type": "quick"}]
+    scenario = load_scenario(scene(types=kinds, groups=groups, events=events), policies={"tiny", "other"})
+    learned = {"tiny": ["punch"], "other": ["punch"]}
+    for reacting, expected in (
+        ([], [("types", "quick", "reaction"), ("events", 0, "reaction")]),
+        (["tiny"], [("types", "quick", "reaction")]),
+        (["other"], [("events", 0, "reaction")]),
+    ):
+        found = unlearned_behaviours(scenario, learned, reacting)
+        assert [one.loc for one in found] == expected
+        assert all("do not react to strikes; expected one whose recipe has" in one.message for one in found)
+    assert sees_strikes(["punch", "defend"], {"distance"})
+    assert sees_strikes(["punch"], {"distance", "impact"})
+    assert not sees_strikes(["punch"], {"distance", "velocity"})
+
+
+def test_a_session_offers_a_time_to_react_to_those_who_react(session, workplace, capsys) -> None:
+    played = session(load_scenario(scene()))
+    assert "reaction" not in played.tunings()["boxer"]
+    with pytest.raises(ScenarioError, match="'reaction' of type 'boxer': expected one of"):
+        played.tune("boxer", "reaction", 0.3)
+    event = {"kind": "weights", "when": {"kind": "frame", "frame": 3}, "reaction": 0.3}
+    path = write_scene(workplace / "four.yaml", events=[event])
+    assert crowdsim("validate", path) == 2
+    assert "events[0].reaction: has no effect, avatars of policy 'tiny' do not react" in capsys.readouterr().err
