@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 LONGEST = 1_000_000
 """Most control frames of a session, some 18 hours."""
-HIGHEST = 3.0
+HIGHEST = 10.0
 """Height up to which targets can be dragged [m]."""
 _EVENT: TypeAdapter[Any] = TypeAdapter(Event)
 TUNED = ("temperature", "tempo", "reaction")
@@ -271,7 +271,7 @@ class Session:
         point = np.array([x, y, z], float)
         if not (np.isfinite(point).all() and np.abs(point[[0, 2]]).max() <= FARTHEST and 0.05 <= y <= HIGHEST):
             raise ScenarioError(
-                f"target at {x:g}, {y:g}, {z:g}: expected x and z up to {FARTHEST:g} m, a height up to 3 m"
+                f"target at {x:g}, {y:g}, {z:g}: expected x and z up to {FARTHEST:g} m, a height up to {HIGHEST:g} m"
             )
         self.simulation.move_target(target, *(round(float(value), 3) for value in point))
         self._dragged.add(target)

@@ -294,6 +294,7 @@ def live_recording(played: Played) -> Recording:
         "rows": ROWS,
         "clips": [[str(name) for name in policy.database.clip_names] for policy in crowd.policies],
         "policies": crowd.cast.policies.tolist(),
+        "start": [round(float(crowd.x[0]), 3), round(float(crowd.z[0]), 3)],
     }
     return replace(recording, more={"live": live})
 

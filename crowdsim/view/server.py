@@ -33,6 +33,8 @@ _BLOCK_SECONDS = 1.0
 """Length of the blocks that are posed one by one [s]."""
 _REFUSED = 1008
 """Code with which websockets are closed that are refused."""
+_NO_TEXT = 1003
+"""Code with which those are closed that send something else than text."""
 _MOST_ASKED, _MOST_WAITING = 65_536, 30
 """Most bytes of a message from a page, and most frames that wait to be sent to one."""
 _HEADERS = {
@@ -217,8 +219,11 @@ async def _play(stage: Stage, socket: WebSocket) -> None:
             await (socket.send_text(message) if isinstance(message, str) else socket.send_bytes(message))
 
     async def listen() -> None:
-        async for text in socket.iter_text():
-            send(await asyncio.to_thread(stage.act, text))
+        while (message := await socket.receive())["type"] == "websocket.receive":
+            if message.get("text") is None:
+                await socket.close(_NO_TEXT)
+                return
+            send(await asyncio.to_thread(stage.act, message["text"]))
 
     await socket.accept()
     tasks = [asyncio.create_task(tell()), asyncio.create_task(listen())]

@@ -172,6 +172,7 @@ def test_the_scene_has_everyone_where_they_begin(stage) -> None:
     shown = unpack_scene(stage.scene())
     assert shown["names"] == ["red_0", "red_1", "blue_0", "blue_1"]
     assert shown["live"]["lag"] == LAG
+    assert shown["live"]["start"] == pytest.approx([stage.played.crowd.x[0], stage.played.crowd.z[0]], abs=1e-3)
     assert {"side", "top"} <= {camera["name"] for camera in shown["cameras"]}
     assert shown["tables"]["health"].reshape(-1, 2)[:, 0].tolist() == [40.0] * 4
 
@@ -316,6 +317,17 @@ def test_a_websocket_gets_frames_and_answers(address) -> None:
             message = peer.recv(60)
             if isinstance(message, bytes):
                 seen = unpack(message)[0]["targets"]
+
+
+def test_a_message_that_is_no_text_closes_the_websocket(address) -> None:
+    from websockets.exceptions import ConnectionClosed
+    from websockets.sync.client import connect as open_socket
+
+    with open_socket(f"{address.replace('http', 'ws', 1)}live") as peer:
+        peer.send(b"drag")
+        with pytest.raises(ConnectionClosed) as caught:
+            list(peer)
+    assert caught.value.rcvd.code == 1003
 
 
 def test_a_port_in_use_is_reported_before_anything_is_played(workplace, capsys) -> None:
