@@ -270,11 +270,20 @@ def test_keys_that_are_no_path_are_reported(workplace, keys, message) -> None:
         ),
         ({"kind": "weights", "type": "giant", "tempo": 20}, "events[0].type: is 'giant', expected a type"),
         ({"kind": "weights", "group": "red"}, "changes nothing"),
+        (
+            {"kind": "weights", "group": "red", "type": "spare", "tempo": 20},
+            "events[0].type: is 'spare', but group 'red' has no avatars of it, expected one that it has: boxer",
+        ),
+        (
+            {"kind": "weights", "type": "spare", "tempo": 20},
+            "events[0].type: is 'spare', but the scenario has no avatars of it, expected one that it has: boxer",
+        ),
     ],
 )  # fmt: skip
 def test_events_of_single_avatars_are_checked(workplace, event, message) -> None:
+    kinds = {"boxer": {"policy": "tiny"}, "spare": {"policy": "tiny"}}
     with pytest.raises(ScenarioError) as caught:
-        load_scenario(scene(events=[{**event, "when": {"kind": "frame", "frame": 1}}]))
+        load_scenario(scene(types=kinds, events=[{**event, "when": {"kind": "frame", "frame": 1}}]))
     assert message in str(caught.value)
 
 
