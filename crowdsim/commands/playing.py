@@ -56,45 +56,53 @@ def play(
 ) -> None:
     """Play a scenario live in the browser, and interfere: drag targets, tune types, take avatars out; record it."""
     from crowdsim.jit.environment import load_numba
+    from crowdsim.runs.folder import check_folder
     from crowdsim.runs.playing import Session
-    from crowdsim.view.server import open_server
+    from crowdsim.view.server import LOOPBACK, listen, server_at
     from crowdsim.view.stage import Stage
 
     scenario = _scenario(thing, seed, override or [])
-    load_numba()
-    if scenario.avatar_count > _MANY:
-        note(f"{scenario.avatar_count:,} avatars cannot be posed in real time: they will be slower; --set gives fewer")
     folder = out or Path("output") / (scenario.name if thing != scenario.name else f"{scenario.name}_played")
-    command = shlex.join(["crowdsim", *sys.argv[1:]])
-    session = Session(scenario, _policies(scenario, mocap, threads), threads)
+    # What would be wrong with either shows before anything is trained or drawn.
+    check_folder(free_folder(folder), "", False)
+    with listen(host or LOOPBACK, port or 0) as listening:
+        load_numba()
+        if scenario.avatar_count > _MANY:
+            note(
+                f"{scenario.avatar_count:,} avatars cannot be posed in real time: they will be slower; --set gives fewer"
+            )
+        command = shlex.join(["crowdsim", *sys.argv[1:]])
+        session = Session(scenario, _policies(scenario, mocap, threads), threads)
 
-    safe: list[Path] = []
+        safe: list[Path] = []
 
-    def record() -> str:
-        # A signal may end the process before the run is written.
-        safe.append(_write(session, folder))
-        place = free_folder(folder)
+        def record() -> str:
+            # A signal may end the process before the run is written.
+            safe.append(_write(session, folder))
+            place = free_folder(folder)
+            try:
+                session.record(place, command)
+            finally:
+                kept = safe.pop()
+                remove_tree(kept.parent, kept.name)
+            say(f"{place}: recorded, {session.frame} control frames")
+            return f"Recorded as {place}."
+
+        stage = Stage(session, record)
+        stage.pause(paused)
+        server = server_at(listening, stage, host or LOOPBACK)
+        stage.start()
         try:
-            session.record(place, command)
+            serve(server, host, not no_open)
         finally:
-            kept = safe.pop()
-            remove_tree(kept.parent, kept.name)
-        say(f"{place}: recorded, {session.frame} control frames")
-        return f"Recorded as {place}."
-
-    stage = Stage(session, record)
-    stage.pause(paused)
-    server = open_server(stage, host or "127.0.0.1", port or 0)
-    stage.start()
-    try:
-        serve(server, host, not no_open)
-    finally:
-        for kept in safe:
-            note(f"it is still being recorded; until that is done, {kept / 'scenario.yaml'} repeats what was played")
-        # What has come must not wait for a step.
-        stage.close()
-        _keep(session, folder)
-        session.close()
+            for kept in safe:
+                note(
+                    f"it is still being recorded; until that is done, {kept / 'scenario.yaml'} repeats what was played"
+                )
+            # What has come must not wait for a step.
+            stage.close()
+            _keep(session, folder)
+            session.close()
 
 
 def _scenario(thing: str, seed: int | None, overrides: list[str]) -> Scenario:

@@ -85,6 +85,26 @@ def open_server(
     Raises:
         CrowdsimError: Packages are missing, or the port is in use or cannot be had.
     """
+    return server_at(listen(host, port), source, host, reasons)
+
+
+def server_at(
+    listening: socket.socket, source: Recording | Stage, host: str = LOOPBACK, reasons: Reasons | None = None
+) -> Server:
+    """Return a server where ``listen`` has begun to; see ``open_server``."""
+    token = secrets.token_urlsafe(16)
+    number = listening.getsockname()[1]
+    shown = LOOPBACK if host in ("0.0.0.0", "::") else host
+    shown = f"[{shown}]" if ":" in shown else shown
+    return Server(build_app(source, token, host, number, reasons), listening, f"http://{shown}:{number}/{token}/")
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """Return a socket that listens, for a server.
+
+    Raises:
+        CrowdsimError: Packages are missing, or the port is in use or cannot be had.
+    """
     try:
         import starlette
         import uvicorn
@@ -97,15 +117,6 @@ def open_server(
     assert starlette
     assert uvicorn
     assert websockets
-    listening = _listen(host, port)
-    token = secrets.token_urlsafe(16)
-    number = listening.getsockname()[1]
-    shown = LOOPBACK if host in ("0.0.0.0", "::") else host
-    shown = f"[{shown}]" if ":" in shown else shown
-    return Server(build_app(source, token, host, number, reasons), listening, f"http://{shown}:{number}/{token}/")
-
-
-def _listen(host: str, port: int) -> socket.socket:
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         listening = socket.socket(found[0], socket.SOCK_STREAM)

@@ -62,6 +62,16 @@ def address(session):
     assert not thread.is_alive()
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Nothing is drawn in this test."""
+
+    def draw(*_others):
+        raise AssertionError("a session has begun")
+
+    monkeypatch.setattr(Session, "__init__", draw)
+
+
 def unpack(message):
     """Return document, and rotations and roots of the one figure, by a reading of its own."""
     (length,) = struct.unpack("<I", message[:4])
@@ -330,7 +340,21 @@ def test_a_message_that_is_no_text_closes_the_websocket(address) -> None:
     assert caught.value.rcvd.code == 1003
 
 
-def test_a_port_in_use_is_reported_before_anything_is_played(workplace, capsys) -> None:
+def test_a_folder_that_cannot_be_recorded_into_is_reported_before_anything_is_played(
+    workplace, capsys, undrawn
+) -> None:
+    (workplace / "file").write_text("mine")
+    assert crowdsim("play", "tiny", "--out", workplace / "file" / "kept", "--no-open") == 2
+    assert f"cannot be made: {workplace / 'file'} is a file" in capsys.readouterr().err
+
+
+def test_a_missing_package_is_reported_before_anything_is_played(workplace, capsys, monkeypatch, undrawn) -> None:
+    monkeypatch.setitem(sys.modules, "websockets", None)
+    assert crowdsim("play", "tiny", "--no-open") == 2
+    assert "package 'websockets' is missing, which serves the player" in capsys.readouterr().err
+
+
+def test_a_port_in_use_is_reported_before_anything_is_played(workplace, capsys, undrawn) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
@@ -345,17 +369,17 @@ def test_what_is_no_scenario_and_no_policy_is_reported(workplace, capsys) -> Non
 
 
 def test_the_command_plays_and_records_where_it_is_told(workplace, monkeypatch, capsys) -> None:
-    stages, answers, real = [], [], serving.open_server
+    stages, answers, real = [], [], serving.server_at
 
-    def open_server(stage, *others):
+    def server_at(listening, stage, *others):
         stages.append(stage)
-        return real(stage, *others)
+        return real(listening, stage, *others)
 
     def serve(server) -> None:
         assert stages[0].paused
         answers.append(json.loads(stages[0].act('{"do": "record"}')))
 
-    monkeypatch.setattr(serving, "open_server", open_server)
+    monkeypatch.setattr(serving, "server_at", server_at)
     monkeypatch.setattr(serving.Server, "serve", serve)
     kept = workplace / "kept"
     assert crowdsim("play", "tiny", "--no-open", "--paused", "--out", kept, "--seed", "7") == 0
@@ -368,11 +392,11 @@ def test_the_command_plays_and_records_where_it_is_told(workplace, monkeypatch, 
 
 @pytest.mark.parametrize("fails", [False, True])
 def test_what_was_played_is_kept_while_it_is_recorded(workplace, monkeypatch, fails) -> None:
-    stages, found, real, record = [], [], serving.open_server, Session.record
+    stages, found, real, record = [], [], serving.server_at, Session.record
 
-    def open_server(stage, *others):
+    def server_at(listening, stage, *others):
         stages.append(stage)
-        return real(stage, *others)
+        return real(listening, stage, *others)
 
     def recording(session, *others):
         found.append(load_scenario(workplace / "kept_session" / "scenario.yaml").duration)
@@ -386,7 +410,7 @@ def test_what_was_played_is_kept_while_it_is_recorded(workplace, monkeypatch, fa
         stages[0].act('{"do": "record"}')
         assert not (workplace / "kept_session").exists()
 
-    monkeypatch.setattr(serving, "open_server", open_server)
+    monkeypatch.setattr(serving, "server_at", server_at)
     monkeypatch.setattr(serving.Server, "serve", serve)
     monkeypatch.setattr(Session, "record", recording)
     assert crowdsim("play", "tiny", "--no-open", "--paused", "--out", workplace / "kept") == 0
