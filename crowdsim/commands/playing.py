@@ -61,16 +61,15 @@ def play(
     from crowdsim.view.server import LOOPBACK, listen, server_at
     from crowdsim.view.stage import Stage
 
-    scenario = _scenario(thing, seed, override or [])
-    folder = out or Path("output") / (scenario.name if thing != scenario.name else f"{scenario.name}_played")
+    scenario, name = _scenario(thing, seed, override or [])
+    folder = out or Path("output") / name
     # What would be wrong with either shows before anything is trained or drawn.
     check_folder(free_folder(folder), "", False)
     with listen(host or LOOPBACK, port or 0) as listening:
         load_numba()
         if scenario.avatar_count > _MANY:
-            note(
-                f"{scenario.avatar_count:,} avatars cannot be posed in real time: they will be slower; --set gives fewer"
-            )
+            count = f"{scenario.avatar_count:,} avatars"
+            note(f"{count} cannot be posed in real time: they will be slower; --set gives fewer")
         command = shlex.join(["crowdsim", *sys.argv[1:]])
         session = Session(scenario, _policies(scenario, mocap, threads), threads)
 
@@ -88,7 +87,7 @@ def play(
             say(f"{place}: recorded, {session.frame} control frames")
             return f"Recorded as {place}."
 
-        stage = Stage(session, record)
+        stage = Stage(session, record, lambda: _keep(session, folder))
         stage.pause(paused)
         server = server_at(listening, stage, host or LOOPBACK)
         stage.start()
@@ -105,8 +104,8 @@ def play(
             session.close()
 
 
-def _scenario(thing: str, seed: int | None, overrides: list[str]) -> Scenario:
-    """Return the scenario of this name, or that of a policy and a target."""
+def _scenario(thing: str, seed: int | None, overrides: list[str]) -> tuple[Scenario, str]:
+    """Return the scenario of this name, or that of a policy and a target, and the name of the run folder."""
     from crowdsim.assets import policy_names
     from crowdsim.runs.playing import boxer_and_target
     from crowdsim.scenario.scenario import load_scenario
@@ -114,8 +113,10 @@ def _scenario(thing: str, seed: int | None, overrides: list[str]) -> Scenario:
     path = Path(thing)
     is_policy = path.stem in policy_names() and (len(path.parts) == 1 or path.parent.name == "policies")
     if not is_policy and not (path / "policy.json").is_file():
-        return load_scenario(thing, overrides, seed)
-    return load_scenario(boxer_and_target(path.stem if is_policy else thing), overrides, seed)
+        scenario = load_scenario(thing, overrides, seed)
+        return scenario, f"{scenario.name}_played"
+    scenario = load_scenario(boxer_and_target(path.stem if is_policy else thing), overrides, seed)
+    return scenario, scenario.name
 
 
 def _policies(scenario: Scenario, mocap: Path | None, threads: int) -> list[Policy]:
@@ -138,11 +139,13 @@ def free_folder(folder: Path) -> Path:
     return place
 
 
-def _keep(session: Session, folder: Path) -> None:
-    """Write the scenario of what was played and not recorded, if anything was done."""
-    if session.is_changed:
-        place = _write(session, folder)
-        note(f"what was played is kept: crowdsim run {shlex.quote(str(place / 'scenario.yaml'))} repeats it")
+def _keep(session: Session, folder: Path) -> str:
+    """Write the scenario of what was played and not recorded, if anything was done; return a sentence on it."""
+    if not session.is_changed:
+        return ""
+    place = _write(session, folder)
+    note(f"what was played is kept: crowdsim run {shlex.quote(str(place / 'scenario.yaml'))} repeats it")
+    return f"What was played is kept in {place}."
 
 
 def _write(session: Session, folder: Path) -> Path:

@@ -64,9 +64,9 @@ class Restart(_Command):
 
     do: Literal["restart"]
 
-    def apply(self, stage: Stage) -> None:
-        """Do it."""
-        stage.restart()
+    def apply(self, stage: Stage) -> str:
+        """Do it, and return what is kept."""
+        return stage.restart()
 
 
 class Tune(_Command):
@@ -164,6 +164,7 @@ class Stage:
     Args:
         played: The session.
         record: Writes the session as a run, and returns a sentence on it.
+        keep: Keeps what was done and not recorded before it begins again, and returns a sentence on that.
 
     Attributes:
         played: The session.
@@ -172,8 +173,8 @@ class Stage:
         asked: The avatar whose decisions are told.
     """
 
-    def __init__(self, played: Played, record: Callable[[], str]) -> None:
-        self.played, self.record = played, record
+    def __init__(self, played: Played, record: Callable[[], str], keep: Callable[[], str] = str) -> None:
+        self.played, self.record, self._keep = played, record, keep
         self.paused, self.speed = False, 1.0
         self.asked: int | None = None
         self._lock = threading.RLock()
@@ -254,11 +255,13 @@ class Stage:
         self.paused = paused
         self._woken.set()
 
-    def restart(self) -> None:
-        """Begin again."""
+    def restart(self) -> str:
+        """Begin again, and return a sentence on what is kept of what was played."""
+        said = self._keep()
         self.played.restart()
         self._tell(json.dumps({"restart": True}))
         self._begin()
+        return said
 
     def advance(self) -> None:
         """Simulate a control frame, and show it; nothing where the session has come to its end."""

@@ -11,6 +11,7 @@ import struct
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -417,6 +418,30 @@ def test_what_was_played_is_kept_while_it_is_recorded(workplace, monkeypatch, fa
     assert found == [LAG + 2]
     assert (workplace / "kept_session").exists() == fails
     assert (workplace / "kept").exists() != fails
+
+
+def test_what_was_played_is_kept_before_it_begins_again(workplace, monkeypatch) -> None:
+    stages, real = [], serving.server_at
+
+    def server_at(listening, stage, *others):
+        stages.append(stage)
+        return real(listening, stage, *others)
+
+    def serve(server) -> None:
+        assert json.loads(stages[0].act('{"do": "restart"}')) == {"done": "restart"}
+        stages[0].act('{"do": "remove", "avatar": 3}')
+        for _ in range(3):
+            stages[0].act('{"do": "step"}')
+        answers = [json.loads(stages[0].act('{"do": "restart"}')) for _ in range(2)]
+        kept = Path("output") / "four_played_session"
+        assert answers == [{"done": "restart", "said": f"What was played is kept in {kept}."}, {"done": "restart"}]
+        assert [event.kind for event in load_scenario(kept / "scenario.yaml").events][-1] == "remove"
+
+    monkeypatch.setattr(serving, "server_at", server_at)
+    monkeypatch.setattr(serving.Server, "serve", serve)
+    write_scene(workplace / "four.yaml")
+    assert crowdsim("play", "four.yaml", "--no-open", "--paused") == 0
+    assert [path.name for path in (workplace / "output").iterdir()] == ["four_played_session"]
 
 
 def test_crowds_that_are_too_large_for_real_time_are_announced(workplace, monkeypatch, capsys) -> None:
