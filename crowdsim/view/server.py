@@ -234,14 +234,15 @@ async def _play(stage: Stage, socket: WebSocket) -> None:
             if message.get("text") is None:
                 await socket.close(_NO_TEXT)
                 return
-            send(await asyncio.to_thread(stage.act, message["text"]))
+            send(await asyncio.to_thread(stage.act, message["text"], send))
 
     await socket.accept()
-    tasks = [asyncio.create_task(tell()), asyncio.create_task(listen())]
-    await asyncio.to_thread(stage.watch, send)
+    tasks: list[asyncio.Task[None]] = []
     try:
         # It is cancelled where the server ends while something is being done.
         with suppress(asyncio.CancelledError):
+            await asyncio.to_thread(stage.watch, send)
+            tasks += [asyncio.create_task(tell()), asyncio.create_task(listen())]
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
         await asyncio.to_thread(stage.leave, send)

@@ -239,13 +239,15 @@ def test_what_is_asked_for_is_done_or_refused_with_a_reason(stage) -> None:
 
 
 def test_decisions_of_one_avatar_are_told(stage) -> None:
-    told = []
+    told, others = [], []
     stage.pause(True)
     stage.watch(told.append)
+    stage.watch(others.append)
     for _ in range(3):
         stage.act('{"do": "step"}')
     assert not any("why" in json.loads(one) for one in told if isinstance(one, str))
-    stage.act('{"do": "why", "avatar": 2}')
+    stage.act('{"do": "why", "avatar": 2}', told.append)
+    stage.act('{"do": "why", "avatar": 3}', others.append)
     actions = []
     for _ in range(25):
         stage.act('{"do": "step"}')
@@ -257,7 +259,12 @@ def test_decisions_of_one_avatar_are_told(stage) -> None:
         assert one["avatar"] == 2
         (taken,) = [option for option in one["options"] if option["taken"]]
         assert taken["action"] == actions[one["frame"] - stage.played.frame + 25]
-    stage.act('{"do": "why"}')
+    # Each page is told what it asks about.
+    reasons = [json.loads(one)["why"] for one in others if isinstance(one, str) and "why" in json.loads(one)]
+    assert {one["avatar"] for one in reasons} == {3}
+    stage.leave(others.append)
+    stage.act('{"do": "why", "avatar": 1}', others.append)
+    stage.act('{"do": "why"}', told.append)
     before = len(told)
     for _ in range(25):
         stage.act('{"do": "step"}')
