@@ -246,9 +246,11 @@ class Stage:
                 self._tell(json.dumps(self._status()))
         return json.dumps({"done": command.do, **({"said": said} if said else {})})
 
-    def _ask(self, send: Send | None, avatar: int | None) -> None:
+    def _ask(self, send: Send | None, avatar: int | None) -> str:
+        # Those who have left meanwhile are told nothing.
         if send in self._sends:
             self._sends[send] = avatar
+        return ""
 
     def pause(self, paused: bool) -> None:
         """Stop the simulation, or let it go on."""
