@@ -14,6 +14,7 @@ from crowdsim.commands.progress import Bars
 from crowdsim.commands.viewing import serve
 from crowdsim.core.workers import CORES
 from crowdsim.errors import CrowdsimError, OutputError
+from crowdsim.files import remove_tree
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -55,39 +56,56 @@ def play(
 ) -> None:
     """Play a scenario live in the browser, and interfere: drag targets, tune types, take avatars out; record it."""
     from crowdsim.jit.environment import load_numba
+    from crowdsim.runs.folder import check_folder
     from crowdsim.runs.playing import Session
-    from crowdsim.view.server import open_server
+    from crowdsim.view.server import LOOPBACK, listen, server_at
     from crowdsim.view.stage import Stage
 
-    scenario = _scenario(thing, seed, override or [])
-    load_numba()
-    if scenario.avatar_count > _MANY:
-        note(f"{scenario.avatar_count:,} avatars cannot be posed in real time: they will be slower; --set gives fewer")
-    folder = out or Path("output") / (scenario.name if thing != scenario.name else f"{scenario.name}_played")
-    command = shlex.join(["crowdsim", *sys.argv[1:]])
-    session = Session(scenario, _policies(scenario, mocap, threads), threads)
+    scenario, name = _scenario(thing, seed, override or [])
+    folder = out or Path("output") / name
+    # What would be wrong with either shows before anything is trained or drawn.
+    check_folder(free_folder(folder), "", False)
+    with listen(host or LOOPBACK, port or 0) as listening:
+        load_numba()
+        if scenario.avatar_count > _MANY:
+            count = f"{scenario.avatar_count:,} avatars"
+            note(f"{count} cannot be posed in real time: they will be slower; --set gives fewer")
+        command = shlex.join(["crowdsim", *sys.argv[1:]])
+        session = Session(scenario, _policies(scenario, mocap, threads), threads)
 
-    def record() -> str:
-        place = free_folder(folder)
-        session.record(place, command)
-        say(f"{place}: recorded, {session.frame} control frames")
-        return f"Recorded as {place}."
+        safe: list[Path] = []
 
-    stage = Stage(session, record)
-    stage.pause(paused)
-    server = open_server(stage, host or "127.0.0.1", port or 0)
-    stage.start()
-    try:
-        serve(server, host, not no_open)
-    finally:
-        # What has come must not wait for a step.
-        stage.close()
-        _keep(session, folder)
-        session.close()
+        def record() -> str:
+            # A signal may end the process before the run is written.
+            safe.append(_write(session, folder))
+            place = free_folder(folder)
+            try:
+                session.record(place, command)
+            finally:
+                kept = safe.pop()
+                remove_tree(kept.parent, kept.name)
+            say(f"{place}: recorded, {session.frame} control frames")
+            return f"Recorded as {place}."
+
+        stage = Stage(session, record, lambda: _keep(session, folder))
+        stage.pause(paused)
+        server = server_at(listening, stage, host or LOOPBACK)
+        stage.start()
+        try:
+            serve(server, host, not no_open)
+        finally:
+            for kept in safe:
+                note(
+                    f"it is still being recorded; until that is done, {kept / 'scenario.yaml'} repeats what was played"
+                )
+            # What has come must not wait for a step.
+            stage.close()
+            _keep(session, folder)
+            session.close()
 
 
-def _scenario(thing: str, seed: int | None, overrides: list[str]) -> Scenario:
-    """Return the scenario of this name, or that of a policy and a target."""
+def _scenario(thing: str, seed: int | None, overrides: list[str]) -> tuple[Scenario, str]:
+    """Return the scenario of this name, or that of a policy and a target, and the name of the run folder."""
     from crowdsim.assets import policy_names
     from crowdsim.runs.playing import boxer_and_target
     from crowdsim.scenario.scenario import load_scenario
@@ -95,8 +113,10 @@ def _scenario(thing: str, seed: int | None, overrides: list[str]) -> Scenario:
     path = Path(thing)
     is_policy = path.stem in policy_names() and (len(path.parts) == 1 or path.parent.name == "policies")
     if not is_policy and not (path / "policy.json").is_file():
-        return load_scenario(thing, overrides, seed)
-    return load_scenario(boxer_and_target(path.stem if is_policy else thing), overrides, seed)
+        scenario = load_scenario(thing, overrides, seed)
+        return scenario, f"{scenario.name}_played"
+    scenario = load_scenario(boxer_and_target(path.stem if is_policy else thing), overrides, seed)
+    return scenario, scenario.name
 
 
 def _policies(scenario: Scenario, mocap: Path | None, threads: int) -> list[Policy]:
@@ -119,13 +139,20 @@ def free_folder(folder: Path) -> Path:
     return place
 
 
-def _keep(session: Session, folder: Path) -> None:
-    """Write the scenario of what was played and not recorded, if anything was done."""
+def _keep(session: Session, folder: Path) -> str:
+    """Write the scenario of what was played and not recorded, if anything was done; return a sentence on it."""
     if not session.is_changed:
-        return
+        return ""
+    place = _write(session, folder)
+    note(f"what was played is kept: crowdsim run {shlex.quote(str(place / 'scenario.yaml'))} repeats it")
+    return f"What was played is kept in {place}."
+
+
+def _write(session: Session, folder: Path) -> Path:
+    """Write the scenario of what was played beside a run folder, and return where."""
     place = free_folder(folder.with_name(f"{folder.name}_session"))
     try:
         session.keep(place)
     except (CrowdsimError, OSError) as error:
         raise OutputError(f"{place}: what was played could not be kept: {error}") from None
-    note(f"what was played is kept: crowdsim run {shlex.quote(str(place / 'scenario.yaml'))} repeats it")
+    return place

@@ -63,6 +63,7 @@ _DRAWN = {
 }
 """Keys of types whose values are distributions, and the fields of ``Cast`` that hold what is drawn from them."""
 _TRAIN_DEFENCE = "; expected a policy whose recipe has a section 'defend', such as boxer_defender"
+_TRAIN_REACTION = "; expected one whose recipe has a section 'defend' or an axis 'impact', such as boxer_defender"
 _USUAL_REACTION = AvatarType.model_fields["reaction"].default
 
 
@@ -88,7 +89,8 @@ def draw_crowd(scenario: Scenario, policies: Sequence[Policy], placed: Array | N
         result = ", ".join(f"{name} has {rate:g}" for name, rate in rates.items())
         raise RunError(f"{scenario.name}: policies of one run need one control rate, but {result}")
     scenario.refuse(missing_policies(scenario, by_name))
-    scenario.refuse(unlearned_behaviours(scenario, {name: policy.learned for name, policy in by_name.items()}))
+    reacting = [name for name, policy in by_name.items() if reacts(policy)]
+    scenario.refuse(unlearned_behaviours(scenario, {name: one.learned for name, one in by_name.items()}, reacting))
     scenario.refuse(stance_findings(scenario, by_name))
     scenario.refuse(attachment_findings(scenario, by_name))
     x, z, heading = place_groups(scenario) if placed is None else placed
@@ -215,14 +217,33 @@ def missing_policies(scenario: Scenario, names: Collection[str]) -> list[Finding
     ]
 
 
-def unlearned_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]]) -> list[Finding]:
-    """Return a finding for each behaviour that a type or an event weighs, but its policy has not learned.
+def sees_strikes(learned: Collection[str], axes: Collection[str]) -> bool:
+    """Return whether avatars with some behaviours, on grids of some axes, react to strikes of their opponents."""
+    return DEFEND in learned or "impact" in axes
+
+
+def reacts(policy: Policy) -> bool:
+    """Return whether avatars of a policy react to strikes of their opponents."""
+    return sees_strikes(policy.learned, {axis.name for one in policy.behaviours for axis in one.grid.axes})
+
+
+def unlearned_behaviours(
+    scenario: Scenario, learned: Mapping[str, Sequence[str]], reacting: Collection[str]
+) -> list[Finding]:
+    """Return a finding for all that a type or an event asks of behaviours which its policy has not learned.
 
     Args:
         scenario: The scenario, resolved.
         learned: Behaviours of each policy by its name; types of other policies are passed over.
+        reacting: Names of those whose avatars react to strikes.
     """
     findings = []
+
+    def check_reaction(key: tuple[str | int, ...], policies: Collection[str]) -> None:
+        if policies and all(name in learned and name not in reacting for name in policies):
+            words = ", ".join(map(repr, policies))
+            what = f"has no effect, avatars of policy {words} do not react to strikes{_TRAIN_REACTION}"
+            findings.append(Finding((*key, "reaction"), what))
 
     def check(key: tuple[str | int, ...], given: Mapping[str, float], policy: str, passed: Sequence[str] = ()) -> None:
         for name in given:
@@ -234,9 +255,8 @@ def unlearned_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]
 
     for name, kind in scenario.types.items():
         check(("types", name, "behaviours"), kind.behaviours, kind.policy, scenario.inherited_behaviours(name))
-        if kind.reaction != _USUAL_REACTION and DEFEND not in learned.get(kind.policy, [DEFEND]):
-            what = f"has no effect, policy {kind.policy!r} has not learned to defend itself"
-            findings.append(Finding(("types", name, "reaction"), what + _TRAIN_DEFENCE))
+        if kind.reaction != _USUAL_REACTION:
+            check_reaction(("types", name), [kind.policy])
     for index, event in enumerate(scenario.events):
         if isinstance(event, WeightsEvent):
             concerned = {
@@ -248,6 +268,8 @@ def unlearned_behaviours(scenario: Scenario, learned: Mapping[str, Sequence[str]
             }
             for policy in concerned:
                 check(("events", index, "behaviours"), event.behaviours, policy)
+            if event.reaction is not None:
+                check_reaction(("events", index), concerned)
     return list(dict.fromkeys(findings))
 
 

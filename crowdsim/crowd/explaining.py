@@ -63,7 +63,6 @@ class _Explained(Stages):
         self._most = crowd.crowding.most
         self.due, self.states = np.zeros(0, np.int64), np.zeros(0, np.int64)
         self.sums = np.zeros((len(NAMES), 0, 0))
-        self.chosen = np.zeros(0, np.int32)
 
     def _decide(self, world: World, now: Now, due: Array, chosen: Array) -> float:
         twin, count = copy_avatars(self._avatars), len(due)
@@ -77,7 +76,7 @@ class _Explained(Stages):
             explain(self._model, twin, world, now, due, count, observed, scratch, self.sums)
             self.states = scratch.states.copy()
         share = super()._decide(world, now, due, chosen)
-        self.due, self.chosen = self._avatars.number[due], chosen.copy()
+        self.due = self._avatars.number[due]
         return share
 
 
@@ -90,6 +89,8 @@ def explain_frame(
     crowd: Crowd, model: Model, avatars: Avatars, world: World, now: Now, fresh: Array, moves: bool
 ) -> list[Decision]:
     """Return the decisions of a control frame, in the order of avatars; nothing that is given changes.
+
+    An avatar that is knocked down amid an action decides nothing: it falls, and has no actions to decide among.
 
     Args:
         crowd: The crowd.
@@ -106,23 +107,35 @@ def explain_frame(
     stages.run(own, now, fresh.copy(), empty_record(1, crowd.count), np.zeros((0, 6), np.int64), moves)
     workers.close()
     after = stages._avatars
+    fell = np.setdiff1d(np.flatnonzero(_begun(after) > _begun(avatars)), stages.due)
+    order = np.argsort(stages.due)
     found = []
-    for q in np.argsort(stages.due).tolist():
-        number, state = int(stages.due[q]), int(stages.states[q])
+    for number, q in [
+        *zip(stages.due[order].tolist(), order.tolist(), strict=True),
+        *((one, -1) for one in fell.tolist()),
+    ]:
+        slot, state = after.slot_of[number], int(stages.states[q]) if q >= 0 else -1
         cohort = own.cohorts[crowd.cohort[number]]
         first, stop = (int(model.offsets[state]), int(model.offsets[state + 1])) if state >= 0 else (0, 0)
-        sums = stages.sums[:, q, : stop - first]
+        sums = stages.sums[:, q, : stop - first] if q >= 0 else np.zeros((len(NAMES), 0))
         base = int(model.policies["actions"][crowd.cast.policies[number]])
         found.append(
             Decision(
                 number,
                 now.frame,
-                int(after.opponent[after.slot_of[number]]),
+                int(after.opponent[slot]),
                 np.arange(first, stop) - base,
                 np.diff(sums, axis=0, prepend=0.0),
-                int(stages.chosen[q]) - base,
+                int(after.motion["action"][slot]) - base,
                 float(cohort["margin"]),
                 int(cohort["most"]),
             )
         )
-    return found
+    return sorted(found, key=lambda one: one.avatar)
+
+
+def _begun(avatars: Avatars) -> Array:
+    """Return how many actions each avatar has begun. Shape (N,)."""
+    begun = np.zeros(len(avatars.number), np.int64)
+    begun[avatars.number] = avatars.fight["decisions"]
+    return begun

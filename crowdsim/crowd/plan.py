@@ -73,7 +73,7 @@ def plan_changes(scenario: Scenario, crowd: Crowd, cohorts: Array) -> tuple[Chan
 
 
 def plan_change(scenario: Scenario, crowd: Crowd, event: Event) -> Change:
-    """Return an event that was not planned as a change of a crowd; it lets nobody leave along a path."""
+    """Return an event that was not planned as a change of a crowd; its avatars do not leave along a path."""
     cohorts = np.unique(np.stack([crowd.group, crowd.cast.types], axis=1), axis=0)
     return _change(scenario, crowd, cohorts, event, iter(()))
 

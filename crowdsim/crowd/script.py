@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -132,15 +133,16 @@ class KeyPath:
         return self.positions(np.minimum(seconds, now))
 
     def add(self, frame: int, point: tuple[float, float, float]) -> None:
-        """Let the target be at a point from a control frame on, which no key comes after; it stays put before that."""
-        if self.frames and self.frames[-1] == frame:
-            self.points[-1] = point
-            return
-        if self.frames and self.frames[-1] < frame - 1:
-            self.frames.append(frame - 1)
-            self.points.append(self.points[-1])
-        self.frames.append(frame)
-        self.points.append(point)
+        """Let the target be at a point from a control frame on; later keys are cut, earlier positions stay."""
+        kept, first = bisect_left(self.frames, frame), max(0, frame - 1)
+        if kept:
+            # On its way to a key that is cut it has a key in each frame, so that positions stay to the last bit.
+            first = self.frames[kept - 1] + 1 if kept < len(self.frames) else max(first, self.frames[-1] + 1)
+        elif self.before is not None:
+            first = frame
+        way = self.positions(np.arange(first, frame) / self.rate).tolist() if first < frame else []
+        self.frames[kept:] = range(first, frame + 1)
+        self.points[kept:] = [*((x, y, z) for x, y, z in way), point]
 
 
 @dataclass(frozen=True)

@@ -165,6 +165,23 @@ def learned_behaviours(policy: str) -> list[str]:
     return [*named, *([DEFEND] if f"{DEFENCE}.npy" in document["files"] else [])]
 
 
+def reacts_to_strikes(policy: str) -> bool:
+    """Return whether avatars of a policy, by its name and trained or not, react to strikes of their opponents.
+
+    Raises:
+        RecipeError: Its recipe is invalid.
+        PolicyError: There is no such policy, or its bundle is damaged.
+    """
+    from crowdsim.crowd.draw import sees_strikes
+
+    recipe, document = _recipe_or_bundle(policy)
+    if recipe:
+        axes = {name for one in recipe.behaviours.values() for name in one.axes.given()}
+    else:
+        axes = {str(axis["name"]) for one in document["behaviours"] for axis in one["axes"]}
+    return sees_strikes(learned_behaviours(policy), axes)
+
+
 def control_rate_of(policy: str) -> float:
     """Return the control rate of a policy by its name, trained or not [Hz].
 

@@ -150,10 +150,11 @@ def _late_entries(scenario: Scenario, rate: float) -> list[Finding]:
 
 def _behaviour_findings(scenario: Scenario) -> list[Finding]:
     from crowdsim.crowd.draw import unlearned_behaviours
-    from crowdsim.preparation.prepare import learned_behaviours
+    from crowdsim.preparation.prepare import learned_behaviours, reacts_to_strikes
 
     policies = dict.fromkeys(kind.policy for kind in scenario.types.values())
-    return unlearned_behaviours(scenario, {name: learned_behaviours(name) for name in policies})
+    reacting = [name for name in policies if reacts_to_strikes(name)]
+    return unlearned_behaviours(scenario, {name: learned_behaviours(name) for name in policies}, reacting)
 
 
 def _stance_findings(scenario: Scenario) -> list[Finding]:

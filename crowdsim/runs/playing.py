@@ -17,7 +17,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.crowd.chunk import Frame
-from crowdsim.crowd.draw import draw_crowd, is_conditioned
+from crowdsim.crowd.draw import draw_crowd, is_conditioned, reacts
 from crowdsim.crowd.events import VARIABLES
 from crowdsim.crowd.explaining import Decision
 from crowdsim.crowd.jit_warmup import warm_up
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 LONGEST = 1_000_000
 """Most control frames of a session, some 18 hours."""
-HIGHEST = 3.0
+HIGHEST = 10.0
 """Height up to which targets can be dragged [m]."""
 _EVENT: TypeAdapter[Any] = TypeAdapter(Event)
 TUNED = ("temperature", "tempo", "reaction")
@@ -165,7 +165,7 @@ class Session:
         found: dict[str, Any] = {"behaviours": weights, "temperature": kind.temperature}
         if kind.tempo is not None:
             found["tempo"] = middle(kind.tempo)
-        if DEFEND in own:
+        if reacts(policy):
             found["reaction"] = kind.reaction
         return found
 
@@ -271,7 +271,7 @@ class Session:
         point = np.array([x, y, z], float)
         if not (np.isfinite(point).all() and np.abs(point[[0, 2]]).max() <= FARTHEST and 0.05 <= y <= HIGHEST):
             raise ScenarioError(
-                f"target at {x:g}, {y:g}, {z:g}: expected x and z up to {FARTHEST:g} m, a height up to 3 m"
+                f"target at {x:g}, {y:g}, {z:g}: expected x and z up to {FARTHEST:g} m, a height up to {HIGHEST:g} m"
             )
         self.simulation.move_target(target, *(round(float(value), 3) for value in point))
         self._dragged.add(target)
@@ -318,6 +318,7 @@ class Session:
         return self._changed({"duration": self.frame, "targets": targets, "events": (*self.scenario.events, *events)})
 
     def _target(self, index: int, target: Any) -> Any:
+        """Return a target as it has been dragged, which is not checked yet."""
         path = self.crowd.targets[index]
         assert isinstance(path, KeyPath)
         if index not in self._dragged:
@@ -326,12 +327,12 @@ class Session:
         if not keys:
             return target
         before = target.before if isinstance(target, KeysTarget) else target
-        return KeysTarget(kind="keys", keys=tuple(keys), before=before)
+        return {"kind": "keys", "keys": keys, "before": None if before is None else before.model_dump()}
 
     def _changed(self, changes: Mapping[str, Any]) -> Scenario:
         """Return the scenario with other keys, checked as a file is."""
         plain = {
-            key: {name: one.model_dump() for name, one in value.items()}
+            key: {name: one if isinstance(one, dict) else one.model_dump() for name, one in value.items()}
             if isinstance(value, dict)
             else [one.model_dump() for one in value]
             if isinstance(value, tuple)

@@ -123,6 +123,7 @@ def sense_findings(scenario: Description) -> list[Finding]:
         _table_findings(scenario),
         _crowd_findings(scenario),
         _search_findings(scenario),
+        _weights_findings(scenario),
         scenario.outputs.findings(scenario.avatar_count),
         _name_findings(scenario),
         _camera_findings(scenario),
@@ -187,6 +188,19 @@ def _crowd_findings(scenario: Description) -> Iterator[Finding]:
             of = everyone if event.group is None else crowd.indices.get(event.group, ())
             for i in of if isinstance(event.opponents, FixedOpponents) else of[:1]:
                 yield from _opponents_findings(crowd, i, event.opponents, ("events", j, "opponents"), member)
+
+
+def _weights_findings(scenario: Description) -> Iterator[Finding]:
+    """Yield a finding for each event that gives weights to avatars of a type, where a group has none of that type."""
+    for j, event in enumerate(scenario.events):
+        if event.kind != "weights" or event.type not in scenario.types:
+            continue
+        named = zip(scenario.group_names, scenario.groups, strict=True)
+        kinds = [group.types for name, group in named if event.group in (None, name)]
+        if kinds and not any(event.type in types for types in kinds):
+            where, known = (f"group {event.group!r}" if event.group else "the scenario"), dict.fromkeys(chain(*kinds))
+            what = f"is {event.type!r}, but {where} has no avatars of it, expected one that it has: {some(known)}"
+            yield Finding(("events", j, "type"), what)
 
 
 def _name_findings(scenario: Description) -> Iterator[Finding]:

@@ -17,6 +17,7 @@ from crowdsim.motion.settings import StrikeSettings
 from crowdsim.policy.axes.axis import AxisKind
 from crowdsim.policy.axes.registry import AXES, NAMES, kind_named
 from crowdsim.policy.defence import NAME as DEFEND
+from crowdsim.policy.environment import MOST_AXES
 from crowdsim.policy.rewards import AnyTerm, HitTerm, ProximityTerm, StrikeTerm, term_name
 from crowdsim.training.motion_source import MAXIMUM_SEED, Motion
 from crowdsim.training.recipe_parts import DefenceSpec, RestSpec
@@ -183,8 +184,12 @@ class BehaviourSpec(StrictModel):
         cells = math.prod(axis.count for axis in given.values())
         if cells > _MOST_CELLS:
             raise Fault(f"make a grid of {cells:,} cells, expected at most {_MOST_CELLS:,}", "axes")
+        if len(given) > MOST_AXES:
+            raise Fault(f"are {len(given)}, {', '.join(given)}, expected {MOST_AXES} at most", "axes")
         for name, axis in given.items():
             kind = kind_named(name)
+            if kind.after is not None and not kind.period and axis.count < 2:
+                raise Fault(f"is {axis.count}, expected 2 or more, since one {name} is no range", "axes", name, "count")
             if kind.period and axis.stretch is not None:
                 raise Fault(f"is stretched, expected even steps of a {name}", "axes", name, "stretch")
             if axis.reach and name not in MEASURED:

@@ -26,7 +26,7 @@ class LiveRecording {
         resolve();
       };
       this.socket.onclose = () => {
-        const error = Error('The connection is lost: crowdsim play does not run any more. It has kept what was played.');
+        const error = Error('The connection is lost. If crowdsim play has ended, its terminal says what it kept.');
         reject(error);
         heard({ lost: error });
       };
@@ -142,8 +142,8 @@ class LivePlayer extends Player {
     this.setting = false;
     const { scene } = this;
     if (scene.targets.length && scene.names.length <= 4) {
-      const [x, , z] = scene.tables.target, root = recording.state(recording.latest).there.length ? [0, 0] : [x, z];
-      Object.assign(this.camera.orbit, { target: [(x + root[0]) / 2, 0.95, (z + root[1]) / 2], yaw: 1.1, pitch: 0.32, distance: 6 });
+      const [x, , z] = scene.tables.target, [ownX, ownZ] = scene.live.start;
+      Object.assign(this.camera.orbit, { target: [(x + ownX) / 2, 0.95, (z + ownZ) / 2], yaw: 1.1, pitch: 0.32, distance: 6 });
       this.camera.choice = this.camera.find('free');
     }
     this.time = recording.end;
@@ -172,7 +172,11 @@ class LivePlayer extends Player {
       this.time = 0;
     }
     if (message.why) this.reasons.add(message.why);
-    if (message.error) this.say(message.error, true);
+    if (message.error) {
+      // What was refused may be where a target was dragged to.
+      this.recording.dragged.clear();
+      this.say(message.error, true);
+    }
     if (message.said) this.say(message.said);
     if (message.done === 'record') element('record').disabled = false;
     if (message.tunings) this.show(message);
@@ -285,6 +289,7 @@ class LivePlayer extends Player {
     return {
       move: moved => {
         this.dragTo(place, moved);
+        recording.dragged.set(best.k, place);
         const [x, y, z] = place.at;
         recording.send({ do: 'drag', target: best.k, x, y, z });
         this.change();

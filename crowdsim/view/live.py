@@ -105,7 +105,7 @@ class Played(Protocol):
 
 
 class Settled:
-    """Poses of one figure without jumps where more has become known of what avatars do.
+    """Poses of one figure, without jumps when later frames change what is known of an avatar's motion.
 
     What was shown at a time and what is known of it now differ by an offset, which dies away as a critically damped
     spring does.
@@ -294,6 +294,7 @@ def live_recording(played: Played) -> Recording:
         "rows": ROWS,
         "clips": [[str(name) for name in policy.database.clip_names] for policy in crowd.policies],
         "policies": crowd.cast.policies.tolist(),
+        "start": [round(float(crowd.x[0]), 3), round(float(crowd.z[0]), 3)],
     }
     return replace(recording, more={"live": live})
 

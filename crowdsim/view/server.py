@@ -12,6 +12,7 @@ import re
 import secrets
 import socket
 import threading
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +33,8 @@ _BLOCK_SECONDS = 1.0
 """Length of the blocks that are posed one by one [s]."""
 _REFUSED = 1008
 """Code with which websockets are closed that are refused."""
+_NO_TEXT = 1003
+"""Code with which those are closed that send something else than text."""
 _MOST_ASKED, _MOST_WAITING = 65_536, 30
 """Most bytes of a message from a page, and most frames that wait to be sent to one."""
 _HEADERS = {
@@ -82,6 +85,26 @@ def open_server(
     Raises:
         CrowdsimError: Packages are missing, or the port is in use or cannot be had.
     """
+    return server_at(listen(host, port), source, host, reasons)
+
+
+def server_at(
+    listening: socket.socket, source: Recording | Stage, host: str = LOOPBACK, reasons: Reasons | None = None
+) -> Server:
+    """Return a server where ``listen`` has begun to; see ``open_server``."""
+    token = secrets.token_urlsafe(16)
+    number = listening.getsockname()[1]
+    shown = LOOPBACK if host in ("0.0.0.0", "::") else host
+    shown = f"[{shown}]" if ":" in shown else shown
+    return Server(build_app(source, token, host, number, reasons), listening, f"http://{shown}:{number}/{token}/")
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """Return a socket that listens, for a server.
+
+    Raises:
+        CrowdsimError: Packages are missing, or the port is in use or cannot be had.
+    """
     try:
         import starlette
         import uvicorn
@@ -94,15 +117,6 @@ def open_server(
     assert starlette
     assert uvicorn
     assert websockets
-    listening = _listen(host, port)
-    token = secrets.token_urlsafe(16)
-    number = listening.getsockname()[1]
-    shown = LOOPBACK if host in ("0.0.0.0", "::") else host
-    shown = f"[{shown}]" if ":" in shown else shown
-    return Server(build_app(source, token, host, number, reasons), listening, f"http://{shown}:{number}/{token}/")
-
-
-def _listen(host: str, port: int) -> socket.socket:
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         listening = socket.socket(found[0], socket.SOCK_STREAM)
@@ -216,14 +230,20 @@ async def _play(stage: Stage, socket: WebSocket) -> None:
             await (socket.send_text(message) if isinstance(message, str) else socket.send_bytes(message))
 
     async def listen() -> None:
-        async for text in socket.iter_text():
-            send(await asyncio.to_thread(stage.act, text))
+        while (message := await socket.receive())["type"] == "websocket.receive":
+            if message.get("text") is None:
+                await socket.close(_NO_TEXT)
+                return
+            send(await asyncio.to_thread(stage.act, message["text"], send))
 
     await socket.accept()
-    tasks = [asyncio.create_task(tell()), asyncio.create_task(listen())]
-    await asyncio.to_thread(stage.watch, send)
+    tasks: list[asyncio.Task[None]] = []
     try:
-        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        # It is cancelled where the server ends while something is being done.
+        with suppress(asyncio.CancelledError):
+            await asyncio.to_thread(stage.watch, send)
+            tasks += [asyncio.create_task(tell()), asyncio.create_task(listen())]
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
         await asyncio.to_thread(stage.leave, send)
         for task in tasks:

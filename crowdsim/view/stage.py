@@ -64,9 +64,9 @@ class Restart(_Command):
 
     do: Literal["restart"]
 
-    def apply(self, stage: Stage) -> None:
-        """Do it."""
-        stage.restart()
+    def apply(self, stage: Stage) -> str:
+        """Do it, and return what is kept."""
+        return stage.restart()
 
 
 class Tune(_Command):
@@ -131,14 +131,10 @@ class Drag(_Command):
 
 
 class Why(_Command):
-    """Tell the decisions of an avatar from now on; of none without one."""
+    """Send the decisions of an avatar from now on to the one who asks; without an avatar send none."""
 
     do: Literal["why"]
     avatar: int | None = None
-
-    def apply(self, stage: Stage) -> None:
-        """Do it."""
-        stage.asked = self.avatar
 
 
 class Record(_Command):
@@ -164,20 +160,20 @@ class Stage:
     Args:
         played: The session.
         record: Writes the session as a run, and returns a sentence on it.
+        keep: Keeps what was done and not recorded before it begins again, and returns a sentence on that.
 
     Attributes:
         played: The session.
         paused: Whether it stands still.
         speed: How much faster than time passes it is simulated.
-        asked: The avatar whose decisions are told.
     """
 
-    def __init__(self, played: Played, record: Callable[[], str]) -> None:
-        self.played, self.record = played, record
+    def __init__(self, played: Played, record: Callable[[], str], keep: Callable[[], str] = str) -> None:
+        self.played, self.record, self._keep = played, record, keep
         self.paused, self.speed = False, 1.0
-        self.asked: int | None = None
         self._lock = threading.RLock()
-        self._sends: set[Send] = set()
+        # The avatar whose decisions each of those who watch asks about.
+        self._sends: dict[Send, int | None] = {}
         self._ended, self._woken = threading.Event(), threading.Event()
         self._thread: threading.Thread | None = None
         self._begin()
@@ -217,7 +213,7 @@ class Stage:
     def watch(self, send: Send) -> None:
         """Send messages to someone from now on, first what is to be seen now."""
         with self._lock:
-            self._sends.add(send)
+            self._sends[send] = None
             if self._last is not None:
                 send(self._last)
             send(json.dumps(self._status()))
@@ -226,13 +222,14 @@ class Stage:
     def leave(self, send: Send) -> None:
         """Send nothing to someone any more."""
         with self._lock:
-            self._sends.discard(send)
+            self._sends.pop(send, None)
 
-    def act(self, text: str) -> str:
+    def act(self, text: str, send: Send | None = None) -> str:
         """Do what someone asks for, and return the answer.
 
         Args:
             text: A command as JSON, such as ``{"do": "drag", "target": 0, "x": 1.0, "y": 1.5, "z": 2.0}``.
+            send: Sends messages to the one who asks, if that one watches.
         """
         try:
             command = _COMMANDS.validate_json(text)
@@ -242,35 +239,45 @@ class Stage:
             return json.dumps({"error": f"this is no command: {where}: {first['msg']}"})
         with self._lock:
             try:
-                said = command.apply(self)
+                said = self._ask(send, command.avatar) if isinstance(command, Why) else command.apply(self)
             except CrowdsimError as error:
                 return json.dumps({"error": str(error)})
             if isinstance(command, Pause | Step | Speed | Restart | Tune):
                 self._tell(json.dumps(self._status()))
         return json.dumps({"done": command.do, **({"said": said} if said else {})})
 
+    def _ask(self, send: Send | None, avatar: int | None) -> str:
+        # Those who have left meanwhile are told nothing.
+        if send in self._sends:
+            self._sends[send] = avatar
+        return ""
+
     def pause(self, paused: bool) -> None:
         """Stop the simulation, or let it go on."""
         self.paused = paused
         self._woken.set()
 
-    def restart(self) -> None:
-        """Begin again."""
+    def restart(self) -> str:
+        """Begin again, and return a sentence on what is kept of what was played."""
+        said = self._keep()
         self.played.restart()
         self._tell(json.dumps({"restart": True}))
         self._begin()
+        return said
 
     def advance(self) -> None:
         """Simulate a control frame, and show it; nothing where the session has come to its end."""
         if self.played.is_over:
             self.pause(True)
             return
-        if self.asked is not None:
-            for decision in self.played.explain():
-                if decision.avatar == self.asked:
-                    crowd = self.played.crowd
-                    policy = crowd.policies[crowd.cast.policies[decision.avatar]]
-                    self._tell(json.dumps({"why": describe_decision(decision, policy)}))
+        asked = set(self._sends.values()) - {None}
+        for decision in self.played.explain() if asked else ():
+            if decision.avatar in asked:
+                crowd = self.played.crowd
+                policy = crowd.policies[crowd.cast.policies[decision.avatar]]
+                message = json.dumps({"why": describe_decision(decision, policy)})
+                for send in [one for one, avatar in self._sends.items() if avatar == decision.avatar]:
+                    send(message)
         frame = self.played.step()
         self._poses.add(frame)
         self._states.append((self.played.health()[0], self.played.down().copy()))

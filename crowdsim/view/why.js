@@ -56,6 +56,7 @@ class ReasonPanel {
     if (!decision) return place.replaceChildren(make('p', 'Its next decision will show.'));
     if (decision.error) return place.replaceChildren(make('p', decision.error));
     const { frame, opponent, count, forced, terms, options } = decision, { rate, numbers } = this.scene;
+    if (forced && !count) return place.replaceChildren(make('p', `At ${(frame / rate).toFixed(2)} s (control frame ${frame}) it is knocked down.`));
     const about = opponent < 0 ? this.facts.nameOf(opponent) : this.facts.nameOf(numbers ? numbers.indexOf(opponent) : opponent);
     const head = make('p', `At ${(frame / rate).toFixed(2)} s (control frame ${frame}), about ${about}: ${count} action${count === 1 ? '' : 's'}.`);
     if (forced) head.append(' It falls, rests or gets up, whatever these are worth.');

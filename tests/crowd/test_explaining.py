@@ -2,14 +2,18 @@
 
 import inspect
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from falling import falling_policy
 from scenes import scene
+from test_damage import fighters, rules
 
 from crowdsim.crowd.draw import draw_crowd
-from crowdsim.crowd.kernels import evaluate, explain
+from crowdsim.crowd.kernels import evaluate, explain, layout
 from crowdsim.crowd.kernels.explain import NAMES
+from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.preparation.prepare import load_policies
 from crowdsim.scenario.scenario import load_scenario
@@ -47,6 +51,29 @@ def test_the_action_that_is_explained_is_the_one_that_is_taken(simulate, keys) -
     assert count > 20
     # Some draw again, since there is a veto to what they have drawn.
     assert near > 0.7 * count
+
+
+def test_those_who_are_knocked_down_are_explained_by_their_falls() -> None:
+    policy, falling = falling_policy(), 0
+    crowd = replace(fighters(rules=rules()), policies=[policy])
+    simulation = Simulation(crowd, model=build_model([policy]))
+    for _ in range(400):
+        decisions = simulation.explain()
+        down = simulation.avatars.conditions["standing"].copy()
+        begun = begun_by_number(simulation)
+        frame = simulation.step()
+        assert [one.avatar for one in decisions] == np.flatnonzero(begun_by_number(simulation) > begun).tolist()
+        for one in decisions:
+            assert frame.action[one.avatar] == one.chosen
+            falls = down[one.avatar] < layout.DROPS <= simulation.avatars.conditions["standing"][one.avatar]
+            falling += falls and not len(one.actions)
+    assert falling > 2
+
+
+def begun_by_number(simulation):
+    begun = np.zeros(simulation.crowd.count, int)
+    begun[simulation.avatars.number] = simulation.avatars.fight["decisions"]
+    return begun
 
 
 def test_explaining_changes_nothing(simulate) -> None:

@@ -7,6 +7,7 @@ import pytest
 from scenes import crowdsim, scene, write_scene
 
 import crowdsim as library
+from crowdsim.crowd.draw import sees_strikes, unlearned_behaviours
 from crowdsim.crowd.script import CirclePath, KeyPath, seen_targets, target_positions
 from crowdsim.errors import OutputError, RunError, ScenarioError
 from crowdsim.preparation.prepare import load_policies
@@ -116,6 +117,40 @@ def test_a_scripted_target_keeps_its_path_until_it_is_dragged(session, workplace
     assert written.targets["ball"].before.radius == 1.5
 
 
+def test_a_target_of_a_recording_is_dragged_amid_its_keys(session, workplace) -> None:
+    keys = [[0, 0.0, 1.55, 2.0], [7, 1.0, 1.4, 2.3], [23, -0.7, 1.5, 1.9], [30, 0.3, 1.5, 2.0]]
+    data = scene(
+        targets={"ball": {"kind": "keys", "keys": keys}}, opponents=FOLLOWS, groups=scene()["groups"][:1], duration=40
+    )
+    played, plain = session(load_scenario(data)), library.run(load_scenario(data))
+    steps(played, 12)
+    played.drag(0, 3.0, 1.4, 0.0)
+    steps(played, 8)
+    played.drag(0, 3.1, 1.4, 0.0)
+    played.drag(0, 3.2, 1.4, 0.0)
+    steps(played, 8)
+    played.record(workplace / "kept")
+    kept = library.open_run(workplace / "kept")
+    np.testing.assert_array_equal(kept.targets[:12], plain.targets[:12])
+    np.testing.assert_allclose(kept.targets[12:, 0, 0], [3.0] * 8 + [3.2] * 8)
+
+
+def test_a_key_amid_others_leaves_the_way_before_it_as_it_was() -> None:
+    def path(before=None):
+        return KeyPath(15.0, [3, 10, 20], [(0.1, 1.5, 2.0), (0.4, 1.5, 2.3), (9.0, 1.5, 2.0)], before)
+
+    circle = CirclePath(2.0, 0.5, (0.0, 0.0), 1.6)
+    for before in (None, circle):
+        for frame in range(25):
+            one = path(before)
+            one.add(frame, (5.0, 1.0, 5.0))
+            assert one.frames == sorted(set(one.frames))
+            old = target_positions([path(before)], 0, 25, 15.0)
+            new = target_positions([one], 0, 25, 15.0)
+            np.testing.assert_array_equal(new[:frame], old[:frame])
+            np.testing.assert_array_equal(new[frame:, 0], np.tile([5.0, 1.0, 5.0], (25 - frame, 1)))
+
+
 def test_a_session_begins_again_as_it_began(session) -> None:
     played = session(load_scenario(scene()))
     before = steps(played, 10)
@@ -163,7 +198,7 @@ def test_what_cannot_be_done_is_refused(session, act, message) -> None:
 
 def test_a_target_cannot_be_dragged_out_of_the_world(session) -> None:
     played = session(boxer_and_target("tiny"))
-    for point in ((np.nan, 1, 0), (1e9, 1, 0), (0, -1, 0), (0, 5, 0)):
+    for point in ((np.nan, 1, 0), (1e9, 1, 0), (0, -1, 0), (0, 11, 0)):
         with pytest.raises(ScenarioError, match="expected x and z up to"):
             played.drag(0, *point)
 
@@ -235,9 +270,48 @@ def test_keys_that_are_no_path_are_reported(workplace, keys, message) -> None:
         ),
         ({"kind": "weights", "type": "giant", "tempo": 20}, "events[0].type: is 'giant', expected a type"),
         ({"kind": "weights", "group": "red"}, "changes nothing"),
+        (
+            {"kind": "weights", "group": "red", "type": "spare", "tempo": 20},
+            "events[0].type: is 'spare', but group 'red' has no avatars of it, expected one that it has: boxer",
+        ),
+        (
+            {"kind": "weights", "type": "spare", "tempo": 20},
+            "events[0].type: is 'spare', but the scenario has no avatars of it, expected one that it has: boxer",
+        ),
     ],
 )  # fmt: skip
 def test_events_of_single_avatars_are_checked(workplace, event, message) -> None:
+    kinds = {"boxer": {"policy": "tiny"}, "spare": {"policy": "tiny"}}
     with pytest.raises(ScenarioError) as caught:
-        load_scenario(scene(events=[{**event, "when": {"kind": "frame", "frame": 1}}]))
+        load_scenario(scene(types=kinds, events=[{**event, "when": {"kind": "frame", "frame": 1}}]))
     assert message in str(caught.value)
+
+
+def test_a_time_to_react_needs_a_policy_that_reacts(workplace) -> None:
+    kinds = {"boxer": {"policy": "tiny"}, "quick": {"policy": "other", "reaction": 0.1}}
+    events = [{"kind": "weights", "when": {"kind": "frame", "frame": 3}, "reaction": 0.3, "type": "boxer"}]
+    groups = [*scene()["groups"], {**scene()["groups"][0], "name": "green", "type": "quick"}]
+    scenario = load_scenario(scene(types=kinds, groups=groups, events=events), policies={"tiny", "other"})
+    learned = {"tiny": ["punch"], "other": ["punch"]}
+    for reacting, expected in (
+        ([], [("types", "quick", "reaction"), ("events", 0, "reaction")]),
+        (["tiny"], [("types", "quick", "reaction")]),
+        (["other"], [("events", 0, "reaction")]),
+    ):
+        found = unlearned_behaviours(scenario, learned, reacting)
+        assert [one.loc for one in found] == expected
+        assert all("do not react to strikes; expected one whose recipe has" in one.message for one in found)
+    assert sees_strikes(["punch", "defend"], {"distance"})
+    assert sees_strikes(["punch"], {"distance", "impact"})
+    assert not sees_strikes(["punch"], {"distance", "velocity"})
+
+
+def test_a_session_offers_a_time_to_react_to_those_who_react(session, workplace, capsys) -> None:
+    played = session(load_scenario(scene()))
+    assert "reaction" not in played.tunings()["boxer"]
+    with pytest.raises(ScenarioError, match="'reaction' of type 'boxer': expected one of"):
+        played.tune("boxer", "reaction", 0.3)
+    event = {"kind": "weights", "when": {"kind": "frame", "frame": 3}, "reaction": 0.3}
+    path = write_scene(workplace / "four.yaml", events=[event])
+    assert crowdsim("validate", path) == 2
+    assert "events[0].reaction: has no effect, avatars of policy 'tiny' do not react" in capsys.readouterr().err

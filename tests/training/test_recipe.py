@@ -134,6 +134,17 @@ HEADING = "      bearing:", "      heading: {count: 6}\n      bearing:"
             "axes.velocity.maximum: is 30, expected values from -10 to 10 m/s",
         ),
         (with_axis("velocity", "count: 4, minimum: 1, maximum: 0.5"), "is 0.5, expected more than the minimum 1"),
+        (
+            with_axis("velocity", "count: 1"),
+            "axes.velocity.count: is 1, expected 2 or more, since one velocity is no range",
+        ),
+        (with_axis("impact", "count: 1, fade: 0.2"), "axes.impact.count: is 1, expected 2 or more"),
+        (
+            with_axis(
+                "height", "count: 2}\n      heading: {count: 4}\n      velocity: {count: 2}\n      impact: {count: 2"
+            ),
+            "axes: are 6, distance, bearing, height, heading, velocity, impact, expected 5 at most",
+        ),
         (with_axis("velocity", "count: 4, stretch: 1"), "expected even steps of a velocity"),
         (with_axis("impact", "count: 4"), "axes.impact: changes nothing, expected a reward 'hit' or a fade"),
         (with_axis("impact", "count: 4, reach: true"), "strikes reach no impact, expected false"),

@@ -11,6 +11,7 @@ import struct
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from scenes import crowdsim, scene, write_scene
 
 import crowdsim as library
 from crowdsim.commands.playing import free_folder
+from crowdsim.errors import RunError
 from crowdsim.preparation.prepare import load_policies
 from crowdsim.runs.playing import Session, boxer_and_target
 from crowdsim.scenario.scenario import load_scenario
@@ -59,6 +61,16 @@ def address(session):
     thread.join(60)
     played.close()
     assert not thread.is_alive()
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Nothing is drawn in this test."""
+
+    def draw(*_others):
+        raise AssertionError("a session has begun")
+
+    monkeypatch.setattr(Session, "__init__", draw)
 
 
 def unpack(message):
@@ -171,6 +183,7 @@ def test_the_scene_has_everyone_where_they_begin(stage) -> None:
     shown = unpack_scene(stage.scene())
     assert shown["names"] == ["red_0", "red_1", "blue_0", "blue_1"]
     assert shown["live"]["lag"] == LAG
+    assert shown["live"]["start"] == pytest.approx([stage.played.crowd.x[0], stage.played.crowd.z[0]], abs=1e-3)
     assert {"side", "top"} <= {camera["name"] for camera in shown["cameras"]}
     assert shown["tables"]["health"].reshape(-1, 2)[:, 0].tolist() == [40.0] * 4
 
@@ -226,13 +239,15 @@ def test_what_is_asked_for_is_done_or_refused_with_a_reason(stage) -> None:
 
 
 def test_decisions_of_one_avatar_are_told(stage) -> None:
-    told = []
+    told, others = [], []
     stage.pause(True)
     stage.watch(told.append)
+    stage.watch(others.append)
     for _ in range(3):
         stage.act('{"do": "step"}')
     assert not any("why" in json.loads(one) for one in told if isinstance(one, str))
-    stage.act('{"do": "why", "avatar": 2}')
+    stage.act('{"do": "why", "avatar": 2}', told.append)
+    stage.act('{"do": "why", "avatar": 3}', others.append)
     actions = []
     for _ in range(25):
         stage.act('{"do": "step"}')
@@ -244,7 +259,12 @@ def test_decisions_of_one_avatar_are_told(stage) -> None:
         assert one["avatar"] == 2
         (taken,) = [option for option in one["options"] if option["taken"]]
         assert taken["action"] == actions[one["frame"] - stage.played.frame + 25]
-    stage.act('{"do": "why"}')
+    # Each page is told what it asks about.
+    reasons = [json.loads(one)["why"] for one in others if isinstance(one, str) and "why" in json.loads(one)]
+    assert {one["avatar"] for one in reasons} == {3}
+    stage.leave(others.append)
+    stage.act('{"do": "why", "avatar": 1}', others.append)
+    stage.act('{"do": "why"}', told.append)
     before = len(told)
     for _ in range(25):
         stage.act('{"do": "step"}')
@@ -317,7 +337,32 @@ def test_a_websocket_gets_frames_and_answers(address) -> None:
                 seen = unpack(message)[0]["targets"]
 
 
-def test_a_port_in_use_is_reported_before_anything_is_played(workplace, capsys) -> None:
+def test_a_message_that_is_no_text_closes_the_websocket(address) -> None:
+    from websockets.exceptions import ConnectionClosed
+    from websockets.sync.client import connect as open_socket
+
+    with open_socket(f"{address.replace('http', 'ws', 1)}live") as peer:
+        peer.send(b"drag")
+        with pytest.raises(ConnectionClosed) as caught:
+            list(peer)
+    assert caught.value.rcvd.code == 1003
+
+
+def test_a_folder_that_cannot_be_recorded_into_is_reported_before_anything_is_played(
+    workplace, capsys, undrawn
+) -> None:
+    (workplace / "file").write_text("mine")
+    assert crowdsim("play", "tiny", "--out", workplace / "file" / "kept", "--no-open") == 2
+    assert f"cannot be made: {workplace / 'file'} is a file" in capsys.readouterr().err
+
+
+def test_a_missing_package_is_reported_before_anything_is_played(workplace, capsys, monkeypatch, undrawn) -> None:
+    monkeypatch.setitem(sys.modules, "websockets", None)
+    assert crowdsim("play", "tiny", "--no-open") == 2
+    assert "package 'websockets' is missing, which serves the player" in capsys.readouterr().err
+
+
+def test_a_port_in_use_is_reported_before_anything_is_played(workplace, capsys, undrawn) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
@@ -332,17 +377,17 @@ def test_what_is_no_scenario_and_no_policy_is_reported(workplace, capsys) -> Non
 
 
 def test_the_command_plays_and_records_where_it_is_told(workplace, monkeypatch, capsys) -> None:
-    stages, answers, real = [], [], serving.open_server
+    stages, answers, real = [], [], serving.server_at
 
-    def open_server(stage, *others):
+    def server_at(listening, stage, *others):
         stages.append(stage)
-        return real(stage, *others)
+        return real(listening, stage, *others)
 
     def serve(server) -> None:
         assert stages[0].paused
         answers.append(json.loads(stages[0].act('{"do": "record"}')))
 
-    monkeypatch.setattr(serving, "open_server", open_server)
+    monkeypatch.setattr(serving, "server_at", server_at)
     monkeypatch.setattr(serving.Server, "serve", serve)
     kept = workplace / "kept"
     assert crowdsim("play", "tiny", "--no-open", "--paused", "--out", kept, "--seed", "7") == 0
@@ -351,6 +396,59 @@ def test_the_command_plays_and_records_where_it_is_told(workplace, monkeypatch, 
     said = capsys.readouterr()
     assert f"{kept}: recorded, {LAG + 1} control frames" in said.out
     assert "what was played is kept" not in said.err
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_what_was_played_is_kept_while_it_is_recorded(workplace, monkeypatch, fails) -> None:
+    stages, found, real, record = [], [], serving.server_at, Session.record
+
+    def server_at(listening, stage, *others):
+        stages.append(stage)
+        return real(listening, stage, *others)
+
+    def recording(session, *others):
+        found.append(load_scenario(workplace / "kept_session" / "scenario.yaml").duration)
+        if fails:
+            raise RunError("the disk is full")
+        return record(session, *others)
+
+    def serve(server) -> None:
+        stages[0].act('{"do": "drag", "target": 0, "x": 1.5, "y": 1.4, "z": 0.5}')
+        stages[0].act('{"do": "step"}')
+        stages[0].act('{"do": "record"}')
+        assert not (workplace / "kept_session").exists()
+
+    monkeypatch.setattr(serving, "server_at", server_at)
+    monkeypatch.setattr(serving.Server, "serve", serve)
+    monkeypatch.setattr(Session, "record", recording)
+    assert crowdsim("play", "tiny", "--no-open", "--paused", "--out", workplace / "kept") == 0
+    assert found == [LAG + 2]
+    assert (workplace / "kept_session").exists() == fails
+    assert (workplace / "kept").exists() != fails
+
+
+def test_what_was_played_is_kept_before_it_begins_again(workplace, monkeypatch) -> None:
+    stages, real = [], serving.server_at
+
+    def server_at(listening, stage, *others):
+        stages.append(stage)
+        return real(listening, stage, *others)
+
+    def serve(server) -> None:
+        assert json.loads(stages[0].act('{"do": "restart"}')) == {"done": "restart"}
+        stages[0].act('{"do": "remove", "avatar": 3}')
+        for _ in range(3):
+            stages[0].act('{"do": "step"}')
+        answers = [json.loads(stages[0].act('{"do": "restart"}')) for _ in range(2)]
+        kept = Path("output") / "four_played_session"
+        assert answers == [{"done": "restart", "said": f"What was played is kept in {kept}."}, {"done": "restart"}]
+        assert [event.kind for event in load_scenario(kept / "scenario.yaml").events][-1] == "remove"
+
+    monkeypatch.setattr(serving, "server_at", server_at)
+    monkeypatch.setattr(serving.Server, "serve", serve)
+    write_scene(workplace / "four.yaml")
+    assert crowdsim("play", "four.yaml", "--no-open", "--paused") == 0
+    assert [path.name for path in (workplace / "output").iterdir()] == ["four_played_session"]
 
 
 def test_crowds_that_are_too_large_for_real_time_are_announced(workplace, monkeypatch, capsys) -> None:

@@ -65,7 +65,7 @@ def _next_blow(strikes, first, last, number):
 def _take_back(avatars, strikes, first, last, number, hit):
     """Remove the strikes of an avatar after a blow, and what they took; return where those that are left end.
 
-    A strike stays that has itself knocked down.
+    A strike that has knocked down its victim stays.
     """
     kept = first
     for k in range(first, last):

@@ -1,9 +1,9 @@
 """How fast the target goes away, along the line of sight.
 
 Control observes the opponent's mean velocity up to the end of its action. In training the target of a cell goes on so
-for ``LASTS`` control frames, as opponents do in the mean that are seen amid an action, and then stands. What is left of
-the velocity behind the avatar's action is ``KEPT`` of it for each control frame: what a first-order autoregression
-expects. Both numbers were measured at the decisions of 30 shipped boxers in 60 s of a brawl.
+for ``LASTS`` control frames, the mean for opponents that are seen in the middle of an action, and then stands. What is
+left of the velocity behind the avatar's action is ``KEPT`` of it for each control frame: what a first-order
+autoregression expects. Both numbers were measured at the decisions of 30 shipped boxers in 60 s of a brawl.
 """
 
 from __future__ import annotations
