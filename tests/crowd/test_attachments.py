@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,8 +21,9 @@ from crowdsim.crowd.simulation import crowd_model
 from crowdsim.errors import TakeError
 from crowdsim.export.pointcloud import CloudSink
 from crowdsim.motion import quaternion
-from crowdsim.poses.attachments import place_attachments
+from crowdsim.poses.attachments import check_attachments, place_attachments
 from crowdsim.poses.guards import Guard, guard_points
+from crowdsim.poses.sampler import PoseSampler
 
 STICK = {
     "kind": "capsules",
@@ -131,9 +134,26 @@ def test_props_follow_their_joints_and_grow_with_bodies():
 
 
 def test_a_prop_at_a_joint_that_is_not_there_is_refused():
-    props = np.array([(1, 7, (0, 0, 0), (0, 0, 0.5), 0.02, WOOD, False)], PROP)
-    with pytest.raises(TakeError, match="is at joint 7, expected one below 2"):
-        place_attachments(cast_of(props), np.arange(3), np.zeros((3, 2, 3)), np.ones((3, 2, 4)))
+    props = np.array([(kind, 7, (0, 0, 0), (0, 0, 0.5), 0.02, WOOD, False) for kind in (0, 1)], PROP)
+    wide, narrow = (
+        SimpleNamespace(database=SimpleNamespace(skeleton=SimpleNamespace(names=("joint",) * count)))
+        for count in (8, 7)
+    )
+    cast = replace(cast_of(props), policies=np.array([1, 0, 0], np.int16), policy_names=("narrow", "wide"))
+    take = SimpleNamespace(cast=cast, scenario="held")
+    check_attachments(take, [wide, wide])
+    with pytest.raises(TakeError, match=r"^take 'held': attachments\[0\].joint is 7, expected one below 7, .*'bare'"):
+        check_attachments(take, [narrow, wide])
+    with pytest.raises(TakeError, match=r"attachments\[1\].joint is 7, .*'armed'"):
+        check_attachments(take, [wide, narrow])
+
+
+def test_poses_of_a_take_with_a_prop_at_a_joint_that_is_not_there_are_refused(runs):
+    run = package.open_run(runs[1])
+    props = run.cast.attachments.copy()
+    props["joint"][1] = 9999
+    with pytest.raises(TakeError, match=r"attachments\[1\].joint is 9999"):
+        PoseSampler(replace(run, cast=replace(run.cast, attachments=props)), run.policies)
 
 
 @pytest.fixture
