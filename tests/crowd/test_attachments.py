@@ -215,6 +215,13 @@ def test_clouds_have_as_many_points_some_of_them_on_props(runs, surface):
             assert (gaps < 1e-4).sum() > 10
 
 
+def test_a_cloud_of_a_point_an_avatar_has_it_on_the_body(runs):
+    bare, held = (
+        CloudSink(package.open_run(folder).sampler, folder, "ply", 60.0, 1).build(12).values[:, :3] for folder in runs
+    )
+    np.testing.assert_array_equal(bare, held)
+
+
 SHIELD = {"kind": "box", "joint": "left_elbow", "size": [0.5, 0.04, 0.8], "offset": [0.15, 0, 0], "blocks": True}
 
 
