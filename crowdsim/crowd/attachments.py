@@ -11,7 +11,7 @@ import numpy as np
 
 from crowdsim.config.files import Finding
 from crowdsim.core.types import Array
-from crowdsim.crowd.meshes import MeshError, face_rods, read_obj
+from crowdsim.crowd.meshes import THINNEST, MeshError, face_rods, read_obj
 from crowdsim.crowd.props import PROP
 from crowdsim.errors import nearest
 from crowdsim.motion import quaternion
@@ -155,6 +155,7 @@ def _box_capsules(size: Array) -> list[tuple[Array, Array, float]]:
     along = int(np.argmax(size))
     others = [axis for axis in range(3) if axis != along]
     radius = min(0.5 * float(size[others].min()), max(_EDGE, 0.08 * float(size[others].max())))
+    radius = max(radius, THINNEST)
     half = 0.5 * size - np.minimum(radius, 0.5 * size)
     steps = [np.linspace(-half[axis], half[axis], int(np.ceil(half[axis] / (0.7 * radius))) + 1) for axis in others]
     capsules = []

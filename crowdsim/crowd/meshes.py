@@ -13,7 +13,7 @@ from crowdsim.core.types import Array
 MOST_TRIANGLES, _MOST_BYTES = 500, 4 << 20
 _APART, _MOST_RODS = 0.02, 12
 """How far apart rods on a face lie [m], and how many they are at the most."""
-_THINNEST = 0.004
+THINNEST = 0.004
 """Radius of rods at the least [m]."""
 
 
@@ -75,7 +75,7 @@ def face_rods(vertices: Array, triangles: Array) -> Array:
         longest = float(edges[first])
         height = float(np.linalg.norm(np.cross(end - start, apex - start))) / max(longest, 1e-9)
         count = int(np.clip(math.ceil(height / _APART), 1, _MOST_RODS))
-        radius = max(_THINNEST, 0.55 * height / count)
+        radius = max(THINNEST, 0.55 * height / count)
         for share in (np.arange(count) + 0.25) / count:
             rods.append([*(start + share * (apex - start)), *(end + share * (apex - end)), radius])
     return np.array(rods).reshape(-1, 7)

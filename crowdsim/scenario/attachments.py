@@ -14,7 +14,7 @@ from crowdsim.config.findings import show
 MESHES = (".obj",)
 _COLOUR = r"^#[0-9a-fA-F]{6}$"
 _Metre = Annotated[float, Field(ge=-10, le=10)]
-_Length = Annotated[float, Field(gt=0, le=10)]
+_Length = Annotated[float, Field(ge=0.001, le=10)]
 _Angle = Annotated[float, Field(ge=-360, le=360)]
 _Vector = tuple[_Metre, _Metre, _Metre]
 

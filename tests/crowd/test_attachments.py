@@ -57,7 +57,8 @@ def folder(workplace: Path) -> Path:
         ({"joint": "tail"}, "expected a role, pelvis, spine, chest, neck, head, left_shoulder"),
         ({"capsules": [{"start": [0, 0, 0], "end": [0, 0, 1], "radius": 0}]}, "radius: is 0, expected a number"),
         ({"capsules": []}, "capsules: "),
-        ({"kind": "box", "size": [0.1, 0, 0.2]}, "size[1]: is 0, expected a number above 0"),
+        ({"kind": "box", "size": [0.1, 0, 0.2]}, "size[1]: is 0, expected a number"),
+        ({"kind": "box", "size": [10, 10, 1e-7]}, "size[2]: is 1e-07, expected a number"),
         ({"kind": "mesh", "file": "none.obj"}, "holds no such file, expected"),
         ({"kind": "mesh", "file": "../bat.obj"}, "expected a path inside the scenario's folder"),
         ({"kind": "mesh", "file": "bat.stl"}, "expected a file that ends in .obj"),
@@ -104,6 +105,12 @@ def test_capsules_of_a_box_are_as_large_as_it(size):
     ends = np.array([point for start, end, _ in _box_capsules(np.array(size)) for point in (start, end)])
     radius = _box_capsules(np.array(size))[0][2]
     np.testing.assert_allclose(np.ptp(ends, axis=0) + 2 * radius, size, atol=1e-9)
+
+
+def test_a_thin_plate_has_no_more_capsules_than_can_be_drawn():
+    capsules = _box_capsules(np.array([10.0, 10.0, 0.001]))
+    assert len(capsules) < 2000
+    assert {radius for _, _, radius in capsules} == {0.004}
 
 
 def cast_of(props: np.ndarray) -> Cast:
