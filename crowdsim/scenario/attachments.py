@@ -53,7 +53,7 @@ class PropCapsule(StrictModel):
 
     start: _Vector = Field(description="One end of its axis in the prop's frame: x, y, z [m].")
     end: _Vector = Field(description="The other end [m].")
-    radius: Annotated[float, Field(gt=0, le=2)] = Field(description="Its radius [m].")
+    radius: Annotated[float, Field(ge=1e-4, le=2)] = Field(description="Its radius [m].")
 
 
 class CapsulesAttachment(_Attachment):

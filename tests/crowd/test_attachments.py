@@ -56,7 +56,17 @@ def folder(workplace: Path) -> Path:
         ({"joint": "right_hnd"}, " (did you mean 'right_hand'?); expected a role, "),
         ({"joint": "tail"}, "expected a role, pelvis, spine, chest, neck, head, left_shoulder"),
         ({"capsules": [{"start": [0, 0, 0], "end": [0, 0, 1], "radius": 0}]}, "radius: is 0, expected a number"),
+        ({"capsules": [{"start": [0, 0, 0], "end": [0, 0, 1], "radius": 1e-50}]},
+         "radius: is 1e-50, expected a number"),
         ({"capsules": []}, "capsules: "),
+        ({**STICK, "capsules": [{"start": [0, 0, 0], "end": [10, 10, 10], "radius": 1}], "offset": [0, 0, 10],
+          "rotation": [0, -45, 0]},
+         "capsules: leads to 24.1 m from the joint along an axis, expected at most 20 m"),
+        ({"kind": "mesh", "file": "bat.obj", "scale": 1000}, "scale: leads to 100 m from the joint"),
+        ({"kind": "mesh", "file": "huge.obj"}, "file: leads to "),
+        ({"kind": "mesh", "file": "far.obj"}, "file: leads to 1e+39 m from the joint"),
+        ({"kind": "mesh", "file": "flat.obj"}, "file: 'flat.obj' has no area"),
+        ({"kind": "mesh", "file": "long.obj"}, "file: 'long.obj' has 5,000,000 bytes, expected at most 4,194,304"),
         ({"kind": "box", "size": [0.1, 0, 0.2]}, "size[1]: is 0, expected a number"),
         ({"kind": "box", "size": [10, 10, 1e-7]}, "size[2]: is 1e-07, expected a number"),
         ({"kind": "mesh", "file": "none.obj"}, "holds no such file, expected"),
@@ -71,6 +81,12 @@ def folder(workplace: Path) -> Path:
 def test_what_is_wrong_is_found_with_its_position(folder, capsys, changes, words):
     (folder / "bad.obj").write_text("v 0 0 0\nv 0 x\n", encoding="utf-8")
     (folder / "empty.obj").write_text("# nothing\n", encoding="utf-8")
+    (folder / "bat.obj").write_text(TETRAHEDRON, encoding="utf-8")
+    (folder / "huge.obj").write_text(TETRAHEDRON.replace("0.1", "1e300"), encoding="utf-8")
+    (folder / "far.obj").write_text(TETRAHEDRON.replace("0.1", "1e39"), encoding="utf-8")
+    (folder / "flat.obj").write_text("v 0 0 0\nv 0 0 1\nv 0 0 2\nf 1 2 3\n", encoding="utf-8")
+    with (folder / "long.obj").open("wb") as long:
+        long.truncate(5_000_000)
     one = {**STICK, **changes}
     if one["kind"] != "capsules":
         del one["capsules"]
