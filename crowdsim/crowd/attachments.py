@@ -91,6 +91,7 @@ def attachment_findings(scenario: Scenario, policies: Mapping[str, Policy]) -> l
             try:
                 far = _farthest(one, scenario.folder)
             except MeshError as error:
+                assert isinstance(one, MeshAttachment)
                 findings.append(Finding((*key, "file"), f"{one.file!r} {error}"))
                 continue
             if far > _FARTHEST:
