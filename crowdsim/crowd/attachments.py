@@ -11,7 +11,7 @@ import numpy as np
 
 from crowdsim.config.files import Finding
 from crowdsim.core.types import Array
-from crowdsim.crowd.meshes import MeshError, face_rods, read_obj
+from crowdsim.crowd.meshes import THINNEST, MeshError, face_rods, read_obj
 from crowdsim.crowd.props import PROP
 from crowdsim.errors import nearest
 from crowdsim.motion import quaternion
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from crowdsim.scenario.scenario import Scenario
 
 WOOD = (0.45, 0.29, 0.14)
+_FARTHEST = 20.0
+"""Greatest coordinate of props in the frames of their joints [m]."""
 _EDGE = 0.02
 """Radius of the edges of boxes at the most [m]."""
 _BUTT, _POMMEL = 0.12, 0.02
@@ -61,7 +63,7 @@ def pack_attachments(scenario: Scenario, policies: Mapping[str, Policy]) -> Arra
 
 
 def attachment_findings(scenario: Scenario, policies: Mapping[str, Policy]) -> list[Finding]:
-    """Return a finding for each attachment at a joint that the skeleton lacks, or whose mesh cannot be read.
+    """Return a finding for each attachment at a joint that is not there, whose mesh cannot be read, or that is huge.
 
     Args:
         scenario: The scenario, resolved.
@@ -84,11 +86,17 @@ def attachment_findings(scenario: Scenario, policies: Mapping[str, Policy]) -> l
             elif one.blocks and _joint_of(database, one.joint) not in _guard_joints(database.body):
                 what = f"is true at {one.joint!r}, which holds no shield, expected a hand or an elbow"
                 findings.append(Finding((*key, "blocks"), what))
-            if isinstance(one, MeshAttachment) and scenario.folder is not None:
-                try:
-                    read_obj(Path(scenario.folder) / one.file)
-                except MeshError as error:
-                    findings.append(Finding((*key, "file"), f"{one.file!r} {error}"))
+            if isinstance(one, MeshAttachment) and scenario.folder is None:
+                continue
+            try:
+                far = _farthest(one, scenario.folder)
+            except MeshError as error:
+                assert isinstance(one, MeshAttachment)
+                findings.append(Finding((*key, "file"), f"{one.file!r} {error}"))
+                continue
+            if far > _FARTHEST:
+                what = f"leads to {far:.3g} m from the joint along an axis, expected at most {_FARTHEST:g} m"
+                findings.append(Finding((*key, _size_key(one)), what))
     return findings
 
 
@@ -150,11 +158,31 @@ def _capsules(one: CapsulesAttachment | BoxAttachment | MeshAttachment, folder: 
     return [(rod[:3], rod[3:6], rod[6]) for rod in face_rods(one.scale * vertices, triangles)]
 
 
+def _farthest(one: CapsulesAttachment | BoxAttachment | MeshAttachment, folder: Path | None) -> float:
+    """Return the greatest coordinate of a prop's points in the joint's frame [m]."""
+    # Capsules are made of meshes only where that is small.
+    with np.errstate(over="ignore", invalid="ignore"):
+        if isinstance(one, MeshAttachment):
+            points = one.scale * read_obj(Path(folder or ".") / one.file)[0]
+        else:
+            points = np.array([point for capsule in _capsules(one, folder) for point in capsule[:2]], float)
+        found = np.abs(quaternion.rotate(_rotation(one.rotation), points) + one.offset)
+    return float(np.nan_to_num(found, nan=np.inf, posinf=np.inf).max())
+
+
+def _size_key(one: CapsulesAttachment | BoxAttachment | MeshAttachment) -> str:
+    """Return the key that says most about how large a prop is."""
+    if isinstance(one, MeshAttachment):
+        return "file" if one.scale == 1.0 else "scale"
+    return "capsules" if isinstance(one, CapsulesAttachment) else "size"
+
+
 def _box_capsules(size: Array) -> list[tuple[Array, Array, float]]:
     """Return capsules side by side in two of a box's three directions, along the longest of them."""
     along = int(np.argmax(size))
     others = [axis for axis in range(3) if axis != along]
     radius = min(0.5 * float(size[others].min()), max(_EDGE, 0.08 * float(size[others].max())))
+    radius = max(radius, THINNEST)
     half = 0.5 * size - np.minimum(radius, 0.5 * size)
     steps = [np.linspace(-half[axis], half[axis], int(np.ceil(half[axis] / (0.7 * radius))) + 1) for axis in others]
     capsules = []

@@ -13,7 +13,7 @@ from crowdsim.core.types import Array
 MOST_TRIANGLES, _MOST_BYTES = 500, 4 << 20
 _APART, _MOST_RODS = 0.02, 12
 """How far apart rods on a face lie [m], and how many they are at the most."""
-_THINNEST = 0.004
+THINNEST = 0.004
 """Radius of rods at the least [m]."""
 
 
@@ -25,14 +25,15 @@ def read_obj(path: Path) -> tuple[Array, Array]:
     """Return the vertices (V, 3) and triangles (T, 3) of an OBJ file; polygons are cut into triangles.
 
     Raises:
-        MeshError: It cannot be read, is no OBJ file, or has no triangles or too many.
+        MeshError: It cannot be read, is no OBJ file, or has no triangles, too many, or none with an area.
     """
     try:
+        size = path.stat().st_size
+        if size > _MOST_BYTES:
+            raise MeshError(f"has {size:,} bytes, expected at most {_MOST_BYTES:,}")
         data = path.read_bytes()
     except OSError as error:
         raise MeshError(f"cannot be read: {error.strerror}") from None
-    if len(data) > _MOST_BYTES:
-        raise MeshError(f"has {len(data):,} bytes, expected at most {_MOST_BYTES:,}")
     vertices: list[list[float]] = []
     triangles: list[tuple[int, int, int]] = []
     for number, line in enumerate(data.decode("utf-8", "replace").splitlines(), start=1):
@@ -55,8 +56,12 @@ def read_obj(path: Path) -> tuple[Array, Array]:
     if len(triangles) > MOST_TRIANGLES:
         raise MeshError(f"has {len(triangles):,} triangles, expected at most {MOST_TRIANGLES}")
     points = np.array(vertices)
-    if not (np.ptp(points, axis=0) > 0.0).any():
-        raise MeshError("has no size: all of its vertices are one point")
+    first, second, third = points[np.array(triangles)].swapaxes(0, 1)
+    # Of coordinates too large for areas these are infinite, or no numbers.
+    with np.errstate(over="ignore", invalid="ignore"):
+        areas = np.cross(second - first, third - first)
+    if not areas.any():
+        raise MeshError("has no area: the corners of each of its triangles are on a line")
     return points, np.array(triangles, np.int64)
 
 
@@ -75,7 +80,7 @@ def face_rods(vertices: Array, triangles: Array) -> Array:
         longest = float(edges[first])
         height = float(np.linalg.norm(np.cross(end - start, apex - start))) / max(longest, 1e-9)
         count = int(np.clip(math.ceil(height / _APART), 1, _MOST_RODS))
-        radius = max(_THINNEST, 0.55 * height / count)
+        radius = max(THINNEST, 0.55 * height / count)
         for share in (np.arange(count) + 0.25) / count:
             rods.append([*(start + share * (apex - start)), *(end + share * (apex - end)), radius])
     return np.array(rods).reshape(-1, 7)

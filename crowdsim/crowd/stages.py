@@ -156,15 +156,13 @@ class Stages:
 
         self._workers.each(throw, now.present)
         thrown = np.concatenate([empty_strikes(0), *(found[first] for first in sorted(found))])
-        if resolve(self._model, self._avatars, world, now.frame, thrown, 0, len(thrown)) > 0:
+        felled, held = resolve(self._model, self._avatars, world, now.frame, thrown, 0, len(thrown))
+        if felled > 0:
             present, most = now.present, self._crowding.most
             observed = Observed(np.empty(1, np.int32), np.empty(1, np.int32), np.empty((1, most), np.int32))
             distances, hits = np.empty(present), np.empty(present, np.int64)
-            held = knock_down(
-                self._model, self._avatars, world, now, thrown, 0, len(thrown), self._due, observed, distances, hits
-            )
-            thrown = thrown[:held]
-        return thrown
+            knock_down(self._model, self._avatars, world, now, thrown, 0, held, self._due, observed, distances, hits)
+        return thrown[:held]
 
 
 def lost_avatar(avatars: Avatars, slot: int, frame: int) -> RunError:

@@ -94,7 +94,7 @@ class CloudSink:
         self._skins: dict[tuple[int, Build], tuple[Skin, SkinRiders]] = {}
         self._frames: dict[int, Frames] = {}
         self._standing = obstacle_points(sampler.obstacles, obstacles)
-        self._props: dict[int, Riders] = {}
+        self._props: dict[int, Riders | None] = {}
         self._files: list[Path] = []
 
     @property
@@ -213,16 +213,16 @@ class CloudSink:
             rows[self._points * index + picked] = part.rows
 
     def _prop_riders(self, kind: int) -> Riders | None:
-        """Return the points on what avatars of a type carry; None where they carry nothing."""
-        props = self._sampler.take.cast.attachments
-        props = props[props["type"] == kind]
-        if not len(props):
-            return None
+        """Return the points on what avatars of a type carry; None where there are none."""
         if kind not in self._props:
+            props = self._sampler.take.cast.attachments
+            props = props[props["type"] == kind]
             area = float(prop_areas(props).sum())
-            share = min(area / (area + _SKIN_AREA), _MOST_SHARE)
-            surface = build_prop_surface(props, max(1, round(share * self._points)))
-            self._props[kind] = Riders(*(getattr(surface, name) for name in Riders._fields))
+            count = round(min(area / (area + _SKIN_AREA), _MOST_SHARE) * self._points)
+            self._props[kind] = None
+            if count:
+                surface = build_prop_surface(props, count)
+                self._props[kind] = Riders(*(getattr(surface, name) for name in Riders._fields))
         return self._props[kind]
 
     def _build(

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.cast import Cast
+from crowdsim.crowd.record import TakeData
 from crowdsim.errors import TakeError
 from crowdsim.motion import quaternion
+
+if TYPE_CHECKING:
+    from crowdsim.policy.policy import Policy
 
 
 class Held(NamedTuple):
@@ -40,9 +45,6 @@ def place_attachments(cast: Cast, avatars: Array, positions: Array, rotations: A
         avatars: Numbers of some of them. Shape (n,).
         positions: Positions of their joints in the world, NaN while absent [m]. Shape (n, J, 3).
         rotations: Their rotations. Shape (n, J, 4).
-
-    Raises:
-        TakeError: Something is at a joint that the skeleton does not have.
     """
     props, types = cast.attachments, np.asarray(cast.types)[avatars]
     order = np.argsort(props["type"], kind="stable")
@@ -50,8 +52,6 @@ def place_attachments(cast: Cast, avatars: Array, positions: Array, rotations: A
     who = np.repeat(np.arange(len(avatars)), high - low)
     first = np.repeat(np.cumsum(high - low) - (high - low), high - low)
     rows = props[order[np.arange(len(who)) - first + np.repeat(low, high - low)]]
-    if len(rows) and rows["joint"].max() >= positions.shape[1]:
-        raise TakeError(f"an attachment is at joint {rows['joint'].max()}, expected one below {positions.shape[1]}")
     there = np.isfinite(positions[who, rows["joint"], 0])
     who, rows = who[there], rows[there]
     at, turned = positions[who, rows["joint"]].astype(float), rotations[who, rows["joint"]].astype(float)
@@ -60,3 +60,21 @@ def place_attachments(cast: Cast, avatars: Array, positions: Array, rotations: A
         at + sizes[:, None] * quaternion.rotate(turned, rows[key].astype(float)) for key in ("start", "end")
     )
     return Held(avatars[who], starts, ends, rows["radius"] * sizes, rows["colour"])
+
+
+def check_attachments(take: TakeData, policies: Sequence[Policy]) -> None:
+    """Hold the joints that carry something against those that there are.
+
+    Raises:
+        TakeError: The skeleton of an avatar that carries something does not have its joint.
+    """
+    cast, props = take.cast, take.cast.attachments
+    fewest = np.full(len(cast.type_names), np.iinfo(np.int32).max)
+    counts = np.array([len(policy.database.skeleton.names) for policy in policies], np.int32)
+    np.minimum.at(fewest, cast.types, counts[cast.policies])
+    for index in np.flatnonzero(props["joint"] >= fewest[props["type"]])[:1]:
+        kind, joint = props["type"][index], props["joint"][index]
+        raise TakeError(
+            f"take {take.scenario!r}: attachments[{index}].joint is {joint}, expected one below {fewest[kind]}, the "
+            f"joints of the policy of type {cast.type_names[kind]!r}"
+        )

@@ -24,6 +24,7 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.places.kernels.records import PART
 from crowdsim.policy.rewards import posed_distance
+from crowdsim.poses.attachments import check_attachments
 from crowdsim.poses.hits import find_landed
 from crowdsim.poses.kernels.columns import TRUNK
 from crowdsim.poses.kernels.records import Playback, Posed
@@ -129,8 +130,8 @@ class PoseSampler:
             Shape (n,), ``PART``.
 
     Raises:
-        TakeError: The policies are not those that the take was recorded with, or it holds actions that they do not
-            have.
+        TakeError: The policies are not those that the take was recorded with, or it holds actions or carries
+            something at joints that they do not have.
     """
 
     def __init__(
@@ -156,6 +157,7 @@ class PoseSampler:
                     f"take, {take.control_rate:g}"
                 )
         take = with_known_actions(take, policies)
+        check_attachments(take, policies)
         if take.frame_count * take.avatar_count <= _IN_MEMORY:
             arrays: dict[str, Any] = {name: np.asarray(getattr(take, name)[:]) for name in _READ}
         else:

@@ -14,7 +14,7 @@ from crowdsim.config.findings import show
 MESHES = (".obj",)
 _COLOUR = r"^#[0-9a-fA-F]{6}$"
 _Metre = Annotated[float, Field(ge=-10, le=10)]
-_Length = Annotated[float, Field(gt=0, le=10)]
+_Length = Annotated[float, Field(ge=0.001, le=10)]
 _Angle = Annotated[float, Field(ge=-360, le=360)]
 _Vector = tuple[_Metre, _Metre, _Metre]
 
@@ -53,7 +53,7 @@ class PropCapsule(StrictModel):
 
     start: _Vector = Field(description="One end of its axis in the prop's frame: x, y, z [m].")
     end: _Vector = Field(description="The other end [m].")
-    radius: Annotated[float, Field(gt=0, le=2)] = Field(description="Its radius [m].")
+    radius: Annotated[float, Field(ge=1e-4, le=2)] = Field(description="Its radius [m].")
 
 
 class CapsulesAttachment(_Attachment):

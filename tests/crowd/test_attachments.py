@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,8 +21,9 @@ from crowdsim.crowd.simulation import crowd_model
 from crowdsim.errors import TakeError
 from crowdsim.export.pointcloud import CloudSink
 from crowdsim.motion import quaternion
-from crowdsim.poses.attachments import place_attachments
+from crowdsim.poses.attachments import check_attachments, place_attachments
 from crowdsim.poses.guards import Guard, guard_points
+from crowdsim.poses.sampler import PoseSampler
 
 STICK = {
     "kind": "capsules",
@@ -53,8 +56,19 @@ def folder(workplace: Path) -> Path:
         ({"joint": "right_hnd"}, " (did you mean 'right_hand'?); expected a role, "),
         ({"joint": "tail"}, "expected a role, pelvis, spine, chest, neck, head, left_shoulder"),
         ({"capsules": [{"start": [0, 0, 0], "end": [0, 0, 1], "radius": 0}]}, "radius: is 0, expected a number"),
+        ({"capsules": [{"start": [0, 0, 0], "end": [0, 0, 1], "radius": 1e-50}]},
+         "radius: is 1e-50, expected a number"),
         ({"capsules": []}, "capsules: "),
-        ({"kind": "box", "size": [0.1, 0, 0.2]}, "size[1]: is 0, expected a number above 0"),
+        ({**STICK, "capsules": [{"start": [0, 0, 0], "end": [10, 10, 10], "radius": 1}], "offset": [0, 0, 10],
+          "rotation": [0, -45, 0]},
+         "capsules: leads to 24.1 m from the joint along an axis, expected at most 20 m"),
+        ({"kind": "mesh", "file": "bat.obj", "scale": 1000}, "scale: leads to 100 m from the joint"),
+        ({"kind": "mesh", "file": "huge.obj"}, "file: leads to "),
+        ({"kind": "mesh", "file": "far.obj"}, "file: leads to 1e+39 m from the joint"),
+        ({"kind": "mesh", "file": "flat.obj"}, "file: 'flat.obj' has no area"),
+        ({"kind": "mesh", "file": "long.obj"}, "file: 'long.obj' has 5,000,000 bytes, expected at most 4,194,304"),
+        ({"kind": "box", "size": [0.1, 0, 0.2]}, "size[1]: is 0, expected a number"),
+        ({"kind": "box", "size": [10, 10, 1e-7]}, "size[2]: is 1e-07, expected a number"),
         ({"kind": "mesh", "file": "none.obj"}, "holds no such file, expected"),
         ({"kind": "mesh", "file": "../bat.obj"}, "expected a path inside the scenario's folder"),
         ({"kind": "mesh", "file": "bat.stl"}, "expected a file that ends in .obj"),
@@ -67,6 +81,12 @@ def folder(workplace: Path) -> Path:
 def test_what_is_wrong_is_found_with_its_position(folder, capsys, changes, words):
     (folder / "bad.obj").write_text("v 0 0 0\nv 0 x\n", encoding="utf-8")
     (folder / "empty.obj").write_text("# nothing\n", encoding="utf-8")
+    (folder / "bat.obj").write_text(TETRAHEDRON, encoding="utf-8")
+    (folder / "huge.obj").write_text(TETRAHEDRON.replace("0.1", "1e300"), encoding="utf-8")
+    (folder / "far.obj").write_text(TETRAHEDRON.replace("0.1", "1e39"), encoding="utf-8")
+    (folder / "flat.obj").write_text("v 0 0 0\nv 0 0 1\nv 0 0 2\nf 1 2 3\n", encoding="utf-8")
+    with (folder / "long.obj").open("wb") as long:
+        long.truncate(5_000_000)
     one = {**STICK, **changes}
     if one["kind"] != "capsules":
         del one["capsules"]
@@ -103,6 +123,12 @@ def test_capsules_of_a_box_are_as_large_as_it(size):
     np.testing.assert_allclose(np.ptp(ends, axis=0) + 2 * radius, size, atol=1e-9)
 
 
+def test_a_thin_plate_has_no_more_capsules_than_can_be_drawn():
+    capsules = _box_capsules(np.array([10.0, 10.0, 0.001]))
+    assert len(capsules) < 2000
+    assert {radius for _, _, radius in capsules} == {0.004}
+
+
 def cast_of(props: np.ndarray) -> Cast:
     return Cast(
         names=np.array(["a", "b", "c"]), types=np.array([1, 0, 1], np.int16), teams=np.zeros(3, np.int16),
@@ -131,9 +157,26 @@ def test_props_follow_their_joints_and_grow_with_bodies():
 
 
 def test_a_prop_at_a_joint_that_is_not_there_is_refused():
-    props = np.array([(1, 7, (0, 0, 0), (0, 0, 0.5), 0.02, WOOD, False)], PROP)
-    with pytest.raises(TakeError, match="is at joint 7, expected one below 2"):
-        place_attachments(cast_of(props), np.arange(3), np.zeros((3, 2, 3)), np.ones((3, 2, 4)))
+    props = np.array([(kind, 7, (0, 0, 0), (0, 0, 0.5), 0.02, WOOD, False) for kind in (0, 1)], PROP)
+    wide, narrow = (
+        SimpleNamespace(database=SimpleNamespace(skeleton=SimpleNamespace(names=("joint",) * count)))
+        for count in (8, 7)
+    )
+    cast = replace(cast_of(props), policies=np.array([1, 0, 0], np.int16), policy_names=("narrow", "wide"))
+    take = SimpleNamespace(cast=cast, scenario="held")
+    check_attachments(take, [wide, wide])
+    with pytest.raises(TakeError, match=r"^take 'held': attachments\[0\].joint is 7, expected one below 7, .*'bare'"):
+        check_attachments(take, [narrow, wide])
+    with pytest.raises(TakeError, match=r"attachments\[1\].joint is 7, .*'armed'"):
+        check_attachments(take, [wide, narrow])
+
+
+def test_poses_of_a_take_with_a_prop_at_a_joint_that_is_not_there_are_refused(runs):
+    run = package.open_run(runs[1])
+    props = run.cast.attachments.copy()
+    props["joint"][1] = 9999
+    with pytest.raises(TakeError, match=r"attachments\[1\].joint is 9999"):
+        PoseSampler(replace(run, cast=replace(run.cast, attachments=props)), run.policies)
 
 
 @pytest.fixture
@@ -193,6 +236,13 @@ def test_clouds_have_as_many_points_some_of_them_on_props(runs, surface):
             share = np.clip((points - start) @ axis / (axis @ axis), 0.0, 1.0)
             gaps = np.abs(np.linalg.norm(points - start - share[:, None] * axis, axis=1) - radius)
             assert (gaps < 1e-4).sum() > 10
+
+
+def test_a_cloud_of_a_point_an_avatar_has_it_on_the_body(runs):
+    bare, held = (
+        CloudSink(package.open_run(folder).sampler, folder, "ply", 60.0, 1).build(12).values[:, :3] for folder in runs
+    )
+    np.testing.assert_array_equal(bare, held)
 
 
 SHIELD = {"kind": "box", "joint": "left_elbow", "size": [0.5, 0.04, 0.8], "offset": [0.15, 0, 0], "blocks": True}

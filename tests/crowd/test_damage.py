@@ -14,7 +14,8 @@ from crowdsim.crowd.crowd import Crowding
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.damage import GRAIN, LATELY, STRONGEST
 from crowdsim.crowd.kernels.interpolation import between
-from crowdsim.crowd.kernels.records import CAPSULE, FALL, LINE, RULE
+from crowdsim.crowd.kernels.records import CAPSULE, FALL, LINE, RULE, STRIKE
+from crowdsim.crowd.kernels.resolve import resolve
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.script import Change, End
 from crowdsim.crowd.simulate import simulate
@@ -260,6 +261,33 @@ def test_from_the_blow_on_an_avatar_that_is_knocked_down_falls_and_throws_nothin
         since[:] = np.inf
     assert len(blows) > 10
     assert cut > 3
+
+
+def struck(*rows):
+    """Bytes of what avatars are after strikes of one frame: attacker, victim, time and speed; and which are left."""
+    given = rules()
+    given[:, column("stagger_from")] = 1.0
+    one = Simulation(replace(fighters(4, rules=given), policies=POLICIES), model=with_falls())
+    one.run(5)
+    one.avatars.conditions["health"][1] = GRAIN**-1
+    one.avatars.conditions["health"][2] = 5.0
+    strikes = np.zeros(len(rows), STRIKE)
+    for row, (attacker, victim, time, share) in zip(strikes, rows, strict=True):
+        row["attacker"], row["victim"], row["frame"] = attacker, victim, one.frame - 1.0 + time
+        row["outcome"], row["y"], row["speed"] = layout.LANDED, 3.0, share * one.model.sizes["strong"][0]
+    felled, left = resolve(one.model, one.avatars, one._world, one.frame, strikes, 0, len(strikes))
+    fight = one.avatars.fight[one.avatars.slot_of]
+    columns = ["hit_x", "hit_z", "hit_frame", "hit_by"]
+    bodies = [[fight[columns][n].tolist(), one.avatars.conditions[n].tolist()] for n in range(4)]
+    return felled, strikes["attacker"][:left].tolist(), bodies
+
+
+@pytest.mark.parametrize("others", [(), ((3, 2, 0.9, 0.02),), ((3, 2, 0.6, 0.9),)])
+@pytest.mark.parametrize("turned", [1, -1])
+def test_what_one_throws_that_falls_already_does_nothing_to_its_victim(others, turned):
+    blow, late, early = (0, 1, 0.5, 0.1), (1, 2, 0.7, 0.8), (1, 2, 0.3, 0.8)
+    assert struck(*(blow, late, *others)[::turned]) == struck(*(blow, *others)[::turned])
+    assert struck(*(blow, early, *others)[::turned]) != struck(*(blow, *others)[::turned])
 
 
 @pytest.mark.parametrize("falls", [False, True])

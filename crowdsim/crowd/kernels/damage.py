@@ -5,6 +5,8 @@ Damage is a whole number of parts of a point (``GRAIN``), so that sums do not de
 
 import math
 
+import numpy as np
+
 from crowdsim.crowd.kernels.forced_actions import falls_of
 from crowdsim.crowd.kernels.interpolation import between
 from crowdsim.crowd.kernels.layout import BLOCKED, DROPS, LANDED, NECK, OUT, STAGGERS, UP
@@ -15,23 +17,27 @@ LATELY = 30  # longest time between hits whose damage adds up to a knock-down [c
 STRONGEST = 2.0  # greatest damage of a hit, as a multiple of that of a strong hit
 
 
-@kernel(inline=True)
+@kernel
 def apply_damage(model, avatars, world, frame, strikes, first, last):
-    """Apply the damage of strikes ``first`` to ``last`` of ``frame``; return how many avatars are knocked down."""
+    """Apply the damage of strikes ``first`` to ``last`` of ``frame``.
+
+    Strikes that an avatar throws after the blow from which it falls are removed, except those that knock down.
+    Returns how many avatars are knocked down, and where the strikes that are left end.
+    """
     conditions, slot_of = avatars.conditions, avatars.slot_of
-    if conditions.shape[0] == 0:
-        return 0
+    if conditions.shape[0] == 0 or first == last:
+        return 0, last
+    before = np.empty((last - first, 4))
+    for k in range(first, last):
+        before[k - first, 0] = np.nan
+        if _hurt_by(model, avatars, world, strikes, k) >= 0:
+            row, kept = conditions[strikes[k].victim], before[k - first]
+            kept[0], kept[1], kept[2], kept[3] = row.health, row.hurt, row.hurt_frame, row.standing
     for k in range(first, last):
         j = _hurt_by(model, avatars, world, strikes, k)
         if j >= 0:
-            row = conditions[avatars.number[j]]
-            harm = _harm(model, avatars, world, strikes, k, j)
-            strikes[k].damage = harm
-            row.health = max(row.health - harm, 0.0)
-            if frame - row.hurt_frame > LATELY:
-                row.hurt = 0.0
-            row.hurt += harm
-            row.hurt_frame = frame
+            strikes[k].damage = _harm(model, avatars, world, strikes, k, j)
+            _hurt(conditions, strikes[k].victim, strikes[k].damage, frame)
     felled = 0
     for k in range(first, last):
         victim = strikes[k].victim
@@ -41,7 +47,71 @@ def apply_damage(model, avatars, world, frame, strikes, first, last):
             felled += fallen
             if fallen > 0:
                 strikes[_hardest(strikes, victim, first, last)].down = 1
-    return felled
+    if felled > 0:
+        last = _take_back(model, avatars, world, frame, strikes, first, last, before)
+    return felled, last
+
+
+@kernel(inline=True)
+def _hurt(conditions, victim, harm, frame):
+    """Take some of the health of an avatar."""
+    row = conditions[victim]
+    row.health = max(row.health - harm, 0.0)
+    if frame - row.hurt_frame > LATELY:
+        row.hurt = 0.0
+    row.hurt += harm
+    row.hurt_frame = frame
+
+
+@kernel(inline=True)
+def _take_back(model, avatars, world, frame, strikes, first, last, before):
+    """Remove the strikes of those who fall already when they throw them; return where those that are left end.
+
+    Victims are as if these had not been thrown, from what they were ``before``; who is knocked down stays down.
+    """
+    for k in range(first, last):
+        attacker = strikes[k].attacker
+        if strikes[k].down == 0 and avatars.conditions[attacker].standing == DROPS:
+            blow = _blow_on(strikes, attacker, first, last)
+            if blow >= 0 and strikes[k].frame > strikes[blow].frame:
+                strikes[k].down = -1
+    for k in range(first, last):
+        if strikes[k].down < 0 and not math.isnan(before[k - first, 0]):
+            _hurt_again(model, avatars, world, frame, strikes, k, first, last, before)
+    kept = first
+    for k in range(first, last):
+        if strikes[k].down >= 0:
+            if kept < k:
+                strikes[kept] = strikes[k]
+            kept += 1
+    return kept
+
+
+@kernel(inline=True)
+def _blow_on(strikes, victim, first, last):
+    """Return the strike that knocks an avatar down, or -1."""
+    for k in range(first, last):
+        if strikes[k].down > 0 and strikes[k].victim == victim:
+            return k
+    return -1
+
+
+@kernel(inline=True)
+def _hurt_again(model, avatars, world, frame, strikes, k, first, last, before):
+    """Let the victim of a strike that is removed take the others only."""
+    victim, kept = strikes[k].victim, before[k - first]
+    row = avatars.conditions[victim]
+    hurt, hurt_frame = row.hurt, row.hurt_frame
+    row.health, row.hurt, row.hurt_frame = kept[0], kept[1], kept[2]
+    for other in range(first, last):
+        if strikes[other].victim == victim and strikes[other].down >= 0 and not math.isnan(before[other - first, 0]):
+            _hurt(avatars.conditions, victim, strikes[other].damage, frame)
+    if _blow_on(strikes, victim, first, last) >= 0:
+        row.hurt, row.hurt_frame = hurt, hurt_frame
+        return
+    row.standing = kept[3]
+    if row.hurt_frame == frame:
+        _fell(model, avatars, world, avatars.slot_of[victim])
 
 
 @kernel(inline=True)

@@ -18,20 +18,18 @@ from crowdsim.jit import kernel
 def knock_down(model, avatars, world, now, strikes, first, last, due, observed, distances, hits):
     """Let avatars fall that strikes ``first`` to ``last`` have knocked down, from the blow on, by their numbers.
 
-    Strikes that they throw after it are not thrown. ``due``, ``observed``, ``distances`` and ``hits`` are scratch space
-    as of ``opponents.observe_all``, for all that are present. Returns where the strikes that are left end.
+    ``due``, ``observed``, ``distances`` and ``hits`` are scratch space, see ``opponents.observe_all``.
     """
     number, shown = -1, np.empty(model.falls.shape[0])
     while True:
         blow = _next_blow(strikes, first, last, number)
         if blow < 0:
-            return last
+            return
         number, hit, by = np.int64(strikes[blow].victim), strikes[blow].frame, strikes[blow].attacker
         own = avatars.slot_of[number]
         if avatars.conditions[number].standing != DROPS:
             continue
         avatars.conditions[by].felled, avatars.conditions[by].felled_frame = number + 1.0, now.frame
-        last = _take_back(avatars, strikes, first, last, number, hit)
         left = _leave(model, avatars, now.frame, own, hit)
         due[0] = own
         observe_all(avatars, now.present, due, 1, world.crowding.sight, observed, distances, hits)
@@ -59,25 +57,6 @@ def _next_blow(strikes, first, last, number):
         if felled and (found < 0 or strikes[k].victim < strikes[found].victim):
             found = k
     return found
-
-
-@kernel(inline=True)
-def _take_back(avatars, strikes, first, last, number, hit):
-    """Remove the strikes of an avatar after a blow, and what they took; return where those that are left end.
-
-    A strike that has knocked down its victim stays.
-    """
-    kept = first
-    for k in range(first, last):
-        strike = strikes[k]
-        if strike.attacker == number and strike.frame > hit and strike.down == 0:
-            if strike.damage > 0.0:
-                avatars.conditions[strike.victim].health += strike.damage
-        else:
-            if kept < k:
-                strikes[kept] = strikes[k]
-            kept += 1
-    return kept
 
 
 @kernel(inline=True)

@@ -49,9 +49,9 @@ def run_frames(model, avatars, world, now, count, still, fresh, scratch, record,
         note_time(timings, clock, 4)
         before = held
         held = list_strikes(model, avatars, world, then, 0, present, due, strikes, held)
-        felled = resolve(model, avatars, world, then.frame, strikes, before, held)
+        felled, held = resolve(model, avatars, world, then.frame, strikes, before, held)
         if felled > 0:
-            held = knock_down(model, avatars, world, then, strikes, before, held, due, observed, distances, hits)
+            knock_down(model, avatars, world, then, strikes, before, held, due, observed, distances, hits)
         note_time(timings, clock, 5)
         write_record(model, avatars, record, k, 0, present)
         note_time(timings, clock, 6)

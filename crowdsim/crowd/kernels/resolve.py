@@ -57,11 +57,15 @@ def list_strikes(model, avatars, world, now, first, last, who, strikes, held):
     return held
 
 
-@kernel(inline=True)
+@kernel
 def resolve(model, avatars, world, frame, strikes, first, last):
-    """Apply strikes ``first`` to ``last``, which are those of ``frame``; return how many avatars are knocked down."""
+    """Apply strikes ``first`` to ``last``, which are those of ``frame``, but those of avatars that fall already.
+
+    Returns how many avatars are knocked down, and where the strikes that are left end.
+    """
+    felled, last = apply_damage(model, avatars, world, frame, strikes, first, last)
     note_hits(model, avatars, frame, strikes, first, last)
-    return apply_damage(model, avatars, world, frame, strikes, first, last)
+    return felled, last
 
 
 @kernel(inline=True)

@@ -65,8 +65,9 @@ class Falls:
         self._times, self._victims = times[down], victims[down]
         self._busy: list[Array] = []
         order = np.argsort(times, kind="stable")
+        ordered = times[order]
         for time in self._times:
-            first, last = np.searchsorted(times[order], (time - _BUSY * rate, time + (_LOOKS + _BUSY) * rate))
+            first, last = np.searchsorted(ordered, (time - _BUSY * rate, time + (_LOOKS + _BUSY) * rate))
             some = order[first:last]
             self._busy.append(np.unique(np.concatenate([attackers[some], victims[some]])))
 
