@@ -42,6 +42,7 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.body import build_body
 from crowdsim.outputs.bvh import export_bvh
 from crowdsim.performer.session import perform
+from crowdsim.places.kernels.records import PART
 from crowdsim.poses.builds import joint_segments
 from crowdsim.poses.sampler import Poses
 
@@ -67,7 +68,7 @@ class Posed:
         self._poses = Poses(0, whole, skeleton, scales, np.ones_like(scales), stretches, segments,
                             positions.astype(np.float32), rotations.astype(np.float32),
                             np.zeros((frames, AVATARS, 3)))  # fmt: skip
-        self._frames = frames
+        self._frames, self.obstacles = frames, np.zeros(0, PART)
         self.policies = (SimpleNamespace(database=SimpleNamespace(skeleton=skeleton, body=body)),)
         self.motions = (SimpleNamespace(skeleton=skeleton, segments=segments, body=body),)
         self.take = SimpleNamespace(
@@ -76,6 +77,7 @@ class Posed:
             control_rate=FPS,
             output_frames=lambda fps: frames,
             cast=SimpleNamespace(
+                attachments=(),
                 names=np.array([f"boxer_{number:02d}" for number in whole]),
                 policies=np.zeros(AVATARS, np.int16),
                 scales=scales,
