@@ -143,5 +143,5 @@ def test_the_pelvis_goes_as_far_as_a_leg_is_too_short() -> None:
     assert 0.04 < _plan_moves(leg, ahead)[0, 2] <= 0.0501
     assert -0.03 < _plan_moves(leg, back)[0, 2] < -0.02
     assert abs(_plan_moves(bent, ahead)[0, 2]) == 0.0
-    assert np.linalg.norm(_plan_moves(leg, 10.0 * ahead)) < 0.09
+    assert np.linalg.norm(_plan_moves(leg, 10.0 * ahead)) < 0.125
     assert not _plan_moves(np.full((1, 3, 3), np.nan), ahead).any()
