@@ -22,6 +22,8 @@ def smaller(recipe: dict[str, Any], seconds: float, falls: bool = False) -> dict
     Where the recipe's motion has falls, the small one's has falls and rests if ``falls`` are asked for.
     """
     performed = {"seconds": seconds, "seed": 2}
+    if "stick" in recipe["motion"].get("performer", {}):
+        performed["stick"] = recipe["motion"]["performer"]["stick"]
     if falls and recipe["motion"].get("performer", {}).get("falls"):
         performed |= {"falls": 1, "rests": 1}
     behaviours = {}
@@ -35,7 +37,7 @@ def smaller(recipe: dict[str, Any], seconds: float, falls: bool = False) -> dict
     return {
         **recipe,
         **({"defend": {"rounds": 2, "seconds": 10, "pairs": 8}} if "defend" in recipe else {}),
-        "motion": {"performer": performed},
+        "motion": {"performer": performed, "mirror": recipe["motion"].get("mirror", True)},
         "graph": {"threshold": 0.3, "spacing": 0.3, "branching": 6},
         "behaviours": behaviours,
     }
