@@ -10,10 +10,11 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars, Model, World
 from crowdsim.crowd.buffers import empty_record, empty_scratch
 from crowdsim.crowd.crowd import Crowd
-from crowdsim.crowd.kernels.explain import NAMES, explain
+from crowdsim.crowd.kernels.decide import decide
+from crowdsim.crowd.kernels.evaluate import TERMS
 from crowdsim.crowd.kernels.layout import Now, Observed
 from crowdsim.crowd.opponents import build_index
-from crowdsim.crowd.stages import Stages
+from crowdsim.crowd.stages import Stages, lost_avatar
 from crowdsim.crowd.workers import Workers
 
 
@@ -26,7 +27,7 @@ class Decision:
         frame: Control frame in which it decides.
         opponent: Whom it decides about, see ``Frame.opponent``.
         actions: The actions that its state has, numbers of its policy's graph. Shape (k,).
-        values: What each of ``explain.NAMES`` adds to the value of each, in normalised values. Shape (terms, k).
+        values: What each of ``evaluate.TERMS`` adds to the value of each, in normalised values. Shape (terms, k).
         chosen: The action that it takes; where that is none of these, it falls, rests or gets up.
         margin: How far below the best value a candidate may lie.
         most: How many candidates there are at most.
@@ -62,22 +63,22 @@ class _Explained(Stages):
         super().__init__(crowd, model, avatars, build_index("kd_tree", workers), workers)
         self._most = crowd.crowding.most
         self.due, self.states = np.zeros(0, np.int64), np.zeros(0, np.int64)
-        self.sums = np.zeros((len(NAMES), 0, 0))
+        self.sums = np.zeros((len(TERMS), 0, 0))
 
     def _decide(self, world: World, now: Now, due: Array, chosen: Array) -> float:
-        twin, count = copy_avatars(self._avatars), len(due)
-        if count:
-            observed = Observed(
-                np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, self._most), np.int32)
-            )
-            scratch = empty_scratch(self._model, self._most, count)
-            self._index.observe(twin, due, self._crowding.reach, observed)
-            self.sums = np.zeros((len(NAMES), *scratch.values.shape))
-            explain(self._model, twin, world, now, due, count, observed, scratch, self.sums)
-            self.states = scratch.states.copy()
-        share = super()._decide(world, now, due, chosen)
+        count = len(due)
         self.due = self._avatars.number[due]
-        return share
+        if count == 0:
+            return 0.0
+        neighbours = np.empty((count, self._most), np.int32)
+        observed = Observed(np.empty(count, np.int32), np.empty(count, np.int32), neighbours)
+        scratch = empty_scratch(self._model, self._most, count, len(TERMS))
+        self._index.observe(self._avatars, due, self._crowding.reach, observed)
+        lost = decide(self._model, self._avatars, world, now, due, count, observed, scratch, chosen)
+        if lost >= 0:
+            raise lost_avatar(self._avatars, lost, now.frame)
+        self.states, self.sums = scratch.states, scratch.notes
+        return 0.0
 
 
 def copy_avatars(avatars: Avatars) -> Avatars:
@@ -117,7 +118,7 @@ def explain_frame(
         slot, state = after.slot_of[number], int(stages.states[q]) if q >= 0 else -1
         cohort = own.cohorts[crowd.cohort[number]]
         first, stop = (int(model.offsets[state]), int(model.offsets[state + 1])) if state >= 0 else (0, 0)
-        sums = stages.sums[:, q, : stop - first] if q >= 0 else np.zeros((len(NAMES), 0))
+        sums = stages.sums[:, q, : stop - first] if q >= 0 else np.zeros((len(TERMS), 0))
         base = int(model.policies["actions"][crowd.cast.policies[number]])
         found.append(
             Decision(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from crowdsim.crowd.explaining import Decision
-from crowdsim.crowd.kernels.explain import NAMES
+from crowdsim.crowd.kernels.evaluate import TERMS
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -34,14 +34,14 @@ def describe_decision(decision: Decision, policy: Policy) -> dict[str, Any]:
     taken = np.flatnonzero(decision.actions == chosen).tolist()
     shown = [*order[:_MOST], *(k for k in taken if k not in order[:_MOST])]
     drawn = set(decision.candidates.tolist())
-    told = [t for t in range(len(NAMES)) if np.abs(decision.values[t, shown]).max(initial=0.0) >= 0.0005]
+    told = [t for t in range(len(TERMS)) if np.abs(decision.values[t, shown]).max(initial=0.0) >= 0.0005]
     return {
         "avatar": decision.avatar,
         "frame": decision.frame,
         "opponent": decision.opponent,
         "count": len(decision.actions),
         "forced": not taken,
-        "terms": [NAMES[t] for t in told],
+        "terms": [TERMS[t] for t in told],
         "options": [
             {
                 "action": int(decision.actions[k]),

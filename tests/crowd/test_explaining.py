@@ -11,8 +11,8 @@ from scenes import scene
 from test_damage import fighters, rules
 
 from crowdsim.crowd.draw import draw_crowd
-from crowdsim.crowd.kernels import evaluate, explain, layout
-from crowdsim.crowd.kernels.explain import NAMES
+from crowdsim.crowd.kernels import evaluate, layout
+from crowdsim.crowd.kernels.evaluate import TERMS
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.preparation.prepare import load_policies
@@ -41,7 +41,7 @@ def test_the_action_that_is_explained_is_the_one_that_is_taken(simulate, keys) -
         for one in decisions:
             assert frame.action[one.avatar] == one.chosen
             assert frame.opponent[one.avatar] == one.opponent
-            assert one.values.shape == (len(NAMES), len(one.actions))
+            assert one.values.shape == (len(TERMS), len(one.actions))
             count += 1
             near += one.chosen in one.actions[one.candidates]
         # None but those that have decided does something else now.
@@ -103,13 +103,10 @@ def test_terms_add_up_to_what_is_drawn_by(simulate) -> None:
     assert best > 0.7 * len(decisions)
 
 
-def test_terms_are_those_that_are_evaluated_in_the_same_order() -> None:
-    calls = [
-        re.findall(r"^    +(\w+)\(model, avatars, world.*scratch\)$", inspect.getsource(module), re.MULTILINE)
-        for module in (evaluate, explain)
-    ]
-    assert calls[0] == [name for name in calls[1] if name != "observe"]
-    assert len(calls[0]) == len(NAMES)
+def test_each_term_is_noted_once_by_its_name() -> None:
+    text = inspect.getsource(evaluate.evaluate.py_func)
+    terms = re.findall(r"^    +(\w+)\(model, avatars, world.*scratch\)$", text, re.MULTILINE)
+    assert len(terms) == text.count("_note(") == len(TERMS)
 
 
 def test_a_run_that_is_over_has_no_decisions(simulate) -> None:

@@ -15,6 +15,12 @@ from crowdsim.crowd.kernels.terms.stunned import hold_strikes
 from crowdsim.crowd.kernels.terms.variety import avoid_repetition, prefetch_repetition
 from crowdsim.jit import kernel
 
+TERMS = (
+    "learned", "collisions", "repetition", "defence", "rest", "strikes", "stun", "stillness", "facing", "guard",
+    "stance", "pace",
+)  # fmt: skip
+"""Names of the terms, in the order in which they are noted."""
+
 
 @kernel(inline=True)
 def evaluate(model, avatars, world, now, due, count, observed, scratch):
@@ -24,14 +30,35 @@ def evaluate(model, avatars, world, now, due, count, observed, scratch):
         if q + AHEAD < count:
             prefetch_repetition(model, avatars, world, due[q + AHEAD], scratch.states[q + AHEAD])
         own = due[q]
+        noted = _note(scratch, 0, q)
         avoid_collisions(model, avatars, world, now, own, observed, q, scratch)
+        noted = _note(scratch, noted, q)
         avoid_repetition(model, avatars, world, now, own, observed, q, scratch)
+        noted = _note(scratch, noted, q)
         defend(model, avatars, world, now, own, observed, q, scratch)
+        noted = _note(scratch, noted, q)
         seek_rest(model, avatars, world, now, own, observed, q, scratch)
+        noted = _note(scratch, noted, q)
         weigh_strikes(model, avatars, world, now, own, observed, q, scratch)
+        noted = _note(scratch, noted, q)
         hold_strikes(model, avatars, world, now, own, observed, q, scratch)
+        noted = _note(scratch, noted, q)
         favour_stillness(model, avatars, world, now, own, observed, q, scratch)
+        noted = _note(scratch, noted, q)
         face_opponent(model, avatars, world, now, own, observed, q, scratch)
+        noted = _note(scratch, noted, q)
         keep_guard(model, avatars, world, now, own, observed, q, scratch)
+        noted = _note(scratch, noted, q)
         keep_stance(model, avatars, world, now, own, observed, q, scratch)
+        noted = _note(scratch, noted, q)
         keep_pace(model, avatars, world, now, own, observed, q, scratch)
+        noted = _note(scratch, noted, q)
+
+
+@kernel(inline=True)
+def _note(scratch, noted, q):
+    """Note what actions are worth by the terms so far, where that is asked for; return how many have been noted."""
+    if scratch.notes.shape[0] > 0:
+        for k in range(scratch.values.shape[1]):
+            scratch.notes[noted, q, k] = scratch.values[q, k]
+    return noted + 1
