@@ -37,8 +37,6 @@ class Scratch(NamedTuple):
         layers: Cells around a target on axes that are not over the ground. Shape (64,), int64.
         layer_shares: Their shares. Shape (64,), float64.
         near: Neighbours that may be in the way. Shape (most neighbours,), ``NEIGHBOUR``.
-        notes: What actions are worth by ``evaluate.TERMS`` up to each, where that is to be explained.
-            Shape (terms or 0, batch, most actions of a state), float64.
     """
 
     situations: Array
@@ -58,7 +56,6 @@ class Scratch(NamedTuple):
     layers: Array
     layer_shares: Array
     near: Array
-    notes: Array
 
 
 def empty_record(frames: int, count: int) -> Record:
@@ -72,8 +69,8 @@ def empty_strikes(count: int) -> Array:
     return np.empty(count, STRIKE)
 
 
-def empty_scratch(model: Model, neighbours: int, batch: int, terms: int = 0) -> Scratch:
-    """Return scratch space for the states of a model, for some neighbours, for a batch, and for notes of terms."""
+def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
+    """Return scratch space for the states of a model, for some neighbours, and for a batch."""
     lanes, block = layout.LANES, min(layout.BLOCK, batch)
     width = -(-int(np.diff(model.offsets).max()) // lanes) * lanes
     behaviours = int(np.diff(model.policies["behaviours"]).max())
@@ -97,5 +94,4 @@ def empty_scratch(model: Model, neighbours: int, batch: int, terms: int = 0) -> 
         layers=np.zeros(64, np.int64),
         layer_shares=np.zeros(64),
         near=np.empty(max(neighbours, 1), NEIGHBOUR),
-        notes=np.empty((terms, batch, width)),
     )

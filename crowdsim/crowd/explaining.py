@@ -10,7 +10,7 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars, Model, World
 from crowdsim.crowd.buffers import empty_record, empty_scratch
 from crowdsim.crowd.crowd import Crowd
-from crowdsim.crowd.kernels.decide import decide
+from crowdsim.crowd.kernels.decide import explain
 from crowdsim.crowd.kernels.evaluate import TERMS
 from crowdsim.crowd.kernels.layout import Now, Observed
 from crowdsim.crowd.opponents import build_index
@@ -72,12 +72,12 @@ class _Explained(Stages):
             return 0.0
         neighbours = np.empty((count, self._most), np.int32)
         observed = Observed(np.empty(count, np.int32), np.empty(count, np.int32), neighbours)
-        scratch = empty_scratch(self._model, self._most, count, len(TERMS))
+        scratch = empty_scratch(self._model, self._most, count)
+        self.states, self.sums = scratch.states, np.empty((len(TERMS), *scratch.values.shape))
         self._index.observe(self._avatars, due, self._crowding.reach, observed)
-        lost = decide(self._model, self._avatars, world, now, due, count, observed, scratch, chosen)
+        lost = explain(self._model, self._avatars, world, now, due, count, observed, scratch, chosen, self.sums)
         if lost >= 0:
             raise lost_avatar(self._avatars, lost, now.frame)
-        self.states, self.sums = scratch.states, scratch.notes
         return 0.0
 
 

@@ -103,10 +103,11 @@ def test_terms_add_up_to_what_is_drawn_by(simulate) -> None:
     assert best > 0.7 * len(decisions)
 
 
-def test_each_term_is_noted_once_by_its_name() -> None:
-    text = inspect.getsource(evaluate.evaluate.py_func)
-    terms = re.findall(r"^    +(\w+)\(model, avatars, world.*scratch\)$", text, re.MULTILINE)
-    assert len(terms) == text.count("_note(") == len(TERMS)
+def test_each_term_has_a_number_and_a_name() -> None:
+    text = inspect.getsource(evaluate._add_terms.py_func)
+    numbers = re.findall(r"if first <= (\d+) < stop:\n +\w+\(model, .*scratch\)\n", text)
+    assert ["0", *numbers] == [str(number) for number in range(len(TERMS))]
+    assert text.count("scratch)\n") == len(numbers)
 
 
 def test_a_run_that_is_over_has_no_decisions(simulate) -> None:

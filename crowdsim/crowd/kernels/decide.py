@@ -1,7 +1,7 @@
 """The decisions of avatars: each observes, evaluates its next actions, and chooses one."""
 
 from crowdsim.crowd.kernels.choose import choose
-from crowdsim.crowd.kernels.evaluate import evaluate
+from crowdsim.crowd.kernels.evaluate import evaluate, evaluate_by_terms
 from crowdsim.crowd.kernels.observe import observe
 from crowdsim.jit import kernel
 
@@ -15,4 +15,12 @@ def decide(model, avatars, world, now, due, count, observed, scratch, out_chosen
     """
     observe(model, avatars, world, now, due, count, observed, scratch)
     evaluate(model, avatars, world, now, due, count, observed, scratch)
+    return choose(model, avatars, world, now, due, count, observed, scratch, out_chosen)
+
+
+@kernel
+def explain(model, avatars, world, now, due, count, observed, scratch, out_chosen, notes):
+    """Do what ``decide`` does, and note what actions are worth (``evaluate_by_terms``)."""
+    observe(model, avatars, world, now, due, count, observed, scratch)
+    evaluate_by_terms(model, avatars, world, now, due, count, observed, scratch, notes)
     return choose(model, avatars, world, now, due, count, observed, scratch, out_chosen)

@@ -19,7 +19,7 @@ TERMS = (
     "learned", "collisions", "repetition", "defence", "rest", "strikes", "stun", "stillness", "facing", "guard",
     "stance", "pace",
 )  # fmt: skip
-"""Names of the terms, in the order in which they are noted."""
+"""Names of the terms, by their numbers."""
 
 
 @kernel(inline=True)
@@ -29,36 +29,42 @@ def evaluate(model, avatars, world, now, due, count, observed, scratch):
     for q in range(count):
         if q + AHEAD < count:
             prefetch_repetition(model, avatars, world, due[q + AHEAD], scratch.states[q + AHEAD])
-        own = due[q]
-        noted = _note(scratch, 0, q)
-        avoid_collisions(model, avatars, world, now, own, observed, q, scratch)
-        noted = _note(scratch, noted, q)
-        avoid_repetition(model, avatars, world, now, own, observed, q, scratch)
-        noted = _note(scratch, noted, q)
-        defend(model, avatars, world, now, own, observed, q, scratch)
-        noted = _note(scratch, noted, q)
-        seek_rest(model, avatars, world, now, own, observed, q, scratch)
-        noted = _note(scratch, noted, q)
-        weigh_strikes(model, avatars, world, now, own, observed, q, scratch)
-        noted = _note(scratch, noted, q)
-        hold_strikes(model, avatars, world, now, own, observed, q, scratch)
-        noted = _note(scratch, noted, q)
-        favour_stillness(model, avatars, world, now, own, observed, q, scratch)
-        noted = _note(scratch, noted, q)
-        face_opponent(model, avatars, world, now, own, observed, q, scratch)
-        noted = _note(scratch, noted, q)
-        keep_guard(model, avatars, world, now, own, observed, q, scratch)
-        noted = _note(scratch, noted, q)
-        keep_stance(model, avatars, world, now, own, observed, q, scratch)
-        noted = _note(scratch, noted, q)
-        keep_pace(model, avatars, world, now, own, observed, q, scratch)
-        noted = _note(scratch, noted, q)
+        _add_terms(model, avatars, world, now, due[q], observed, q, scratch, 1, len(TERMS))
 
 
 @kernel(inline=True)
-def _note(scratch, noted, q):
-    """Note what actions are worth by the terms so far, where that is asked for; return how many have been noted."""
-    if scratch.notes.shape[0] > 0:
-        for k in range(scratch.values.shape[1]):
-            scratch.notes[noted, q, k] = scratch.values[q, k]
-    return noted + 1
+def evaluate_by_terms(model, avatars, world, now, due, count, observed, scratch, notes):
+    """Do what ``evaluate`` does, and write into ``notes[t, q]`` what the terms up to the t-th make of it."""
+    look_up(model, avatars, world, due, count, scratch)
+    for q in range(count):
+        for term in range(len(TERMS)):
+            _add_terms(model, avatars, world, now, due[q], observed, q, scratch, term, term + 1)
+            for k in range(scratch.values.shape[1]):
+                notes[term, q, k] = scratch.values[q, k]
+
+
+@kernel(inline=True)
+def _add_terms(model, avatars, world, now, own, observed, q, scratch, first, stop):
+    """Add the terms from number ``first`` to before ``stop``; where these are constants nothing is compared."""
+    if first <= 1 < stop:
+        avoid_collisions(model, avatars, world, now, own, observed, q, scratch)
+    if first <= 2 < stop:
+        avoid_repetition(model, avatars, world, now, own, observed, q, scratch)
+    if first <= 3 < stop:
+        defend(model, avatars, world, now, own, observed, q, scratch)
+    if first <= 4 < stop:
+        seek_rest(model, avatars, world, now, own, observed, q, scratch)
+    if first <= 5 < stop:
+        weigh_strikes(model, avatars, world, now, own, observed, q, scratch)
+    if first <= 6 < stop:
+        hold_strikes(model, avatars, world, now, own, observed, q, scratch)
+    if first <= 7 < stop:
+        favour_stillness(model, avatars, world, now, own, observed, q, scratch)
+    if first <= 8 < stop:
+        face_opponent(model, avatars, world, now, own, observed, q, scratch)
+    if first <= 9 < stop:
+        keep_guard(model, avatars, world, now, own, observed, q, scratch)
+    if first <= 10 < stop:
+        keep_stance(model, avatars, world, now, own, observed, q, scratch)
+    if first <= 11 < stop:
+        keep_pace(model, avatars, world, now, own, observed, q, scratch)
