@@ -25,13 +25,15 @@ from crowdsim.poses.motion import PoseMotion
 MOST = 0.9
 """Furthest that something that strikes is carried [m]."""
 _CHAINS = {
-    Kind.PROP: (("hand", 0.5), ("shoulder", 0.6), ("chest", 0.25), ("spine", 0.2)),
-    Kind.ELBOW: (("shoulder", 0.7), ("chest", 0.3), ("spine", 0.3)),
+    Kind.PROP: (("hand", 1.0), ("elbow", 0.6), ("shoulder", 1.0), ("chest", 0.06), ("spine", 0.05)),
+    Kind.ELBOW: (("shoulder", 1.0), ("chest", 0.2), ("spine", 0.2)),
     Kind.KNEE: (("hip", 0.8),),
     Kind.HEAD: (("neck", 0.3), ("chest", 0.3), ("spine", 0.4)),
 }
-"""Joints that turn, from what strikes to the trunk, and which share of the way each gives in a round."""
-_JOINTS, _ROUNDS = 4, 40
+"""Joints that turn, from what strikes to the trunk, and how easily each does."""
+_JOINTS, _ROUNDS = 5, 30
+_DAMPED, _STEP = 1e-3, 0.2
+"""Damping [m2], and most that a joint turns in a round [rad]."""
 _MOST_TURN = math.radians(70.0)
 """Most that a joint turns [rad]."""
 _GLOVE = 0.06
@@ -143,13 +145,13 @@ def chains_of(body: Body, limbs: Array) -> tuple[Array, Array]:
 
 
 def turn_chain(pivots: Array, points: Array, goals: Array, shares: Array) -> Array:
-    """Turn chains of joints so that points go to goals, by cyclic coordinate descent (Wang and Chen, 1991).
+    """Turn chains of joints so that points go to goals, by damped least squares (Wampler, 1986).
 
     Args:
         pivots: Positions of joints, from the end of the chain on [m]. Shape (E, C, 3).
         points: Points at their ends [m]. Shape (E, 3).
         goals: Where these are to go [m]. Shape (E, 3).
-        shares: Which share of the way each joint gives in a round; 0 for joints that are not there. Shape (E, C).
+        shares: How easily each joint turns; 0 for joints that are not there. Shape (E, C).
 
     Returns:
         How far each joint has turned in the world with those that turn above it. Shape (E, C, 4).
@@ -157,17 +159,20 @@ def turn_chain(pivots: Array, points: Array, goals: Array, shares: Array) -> Arr
     pivots, points = pivots.copy(), points.copy()
     turns = np.zeros((*shares.shape, 4))
     turns[..., 0] = 1.0
+    there: Array = np.all(np.isfinite(points) & np.isfinite(goals), axis=1)
+    ease = np.where(there[:, None], shares, 0.0)[..., None]
     for _ in range(_ROUNDS):
+        arms = np.where(ease > 0.0, points[:, None] - pivots, 0.0)
+        ways = np.where(there[:, None], goals - points, 0.0)
+        squares = np.sum(ease * arms * arms, axis=(1, 2))[:, None, None] * np.eye(3)
+        outer = np.einsum("eki,ekj->eij", ease * arms, arms)
+        pulls = np.linalg.solve(squares - outer + _DAMPED * np.eye(3), ways[..., None])[..., 0]
+        steps = ease * np.cross(arms, pulls[:, None])
+        sizes = np.linalg.norm(steps, axis=-1, keepdims=True).max(axis=1, keepdims=True)
+        steps = quaternion.from_rotation_vector(steps * np.minimum(1.0, _STEP / np.maximum(sizes, 1e-12)))
         for k in range(shares.shape[1]):
-            arm, way = points - pivots[:, k], goals - pivots[:, k]
-            axis = np.cross(arm, way)
-            sine, cosine = np.linalg.norm(axis, axis=1), np.sum(arm * way, axis=1)
-            angle = shares[:, k] * np.arctan2(sine, cosine)
-            vector = axis / np.maximum(sine, 1e-12)[:, None] * angle[:, None]
-            turn = quaternion.from_rotation_vector(vector)
-            points = pivots[:, k] + quaternion.rotate(turn, arm)
-            for below in range(k):
-                pivots[:, below] = pivots[:, k] + quaternion.rotate(turn, pivots[:, below] - pivots[:, k])
-            for moved in range(k + 1):
-                turns[:, moved] = quaternion.multiply(turn, turns[:, moved])
+            points = pivots[:, k] + quaternion.rotate(steps[:, k], points - pivots[:, k])
+            below = pivots[:, k, None] + quaternion.rotate(steps[:, k, None], pivots[:, :k] - pivots[:, k, None])
+            pivots[:, :k] = below
+            turns[:, : k + 1] = quaternion.multiply(steps[:, k, None], turns[:, : k + 1])
     return turns

@@ -16,7 +16,7 @@ from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.crowd.cast import Cast
 from crowdsim.crowd.kernels.resolve import GUARDED
-from crowdsim.motion.strikers import LEGS
+from crowdsim.motion.strikers import GROUPS, LEGS
 from crowdsim.poses.contacts import PoseAt, body_points
 from crowdsim.poses.down_state import falls_soon
 from crowdsim.poses.hits import Landed, by_column
@@ -27,8 +27,9 @@ from crowdsim.poses.layer import Layer, Part, Scheduler
 from crowdsim.poses.limbs import chain_of
 from crowdsim.poses.motion import PoseMotion
 
-_TYPICAL_SPEED, _FOOT = 6.6, 2.0
-"""Speed of a typical strike [m/s], and the effective mass of a foot over that of a fist."""
+_TYPICAL_SPEED, _LEG, _PROP = 6.6, 2.0, 0.4
+"""Speed of a typical strike [m/s], and the effective masses of feet and knees, and of the end of a prop, over that of a
+fist."""
 _EVEN, _STEEP, _MOST = (0.04, 0.06), (0.14, 0.1), (0.44, 0.36)
 """How far a typical blow brings the head, or the neck of one to the torso: whatever its impulse, by its fourth power,
 and at the most, in a body of scale 1 [m]."""
@@ -208,7 +209,8 @@ class BlowPlanner:
         gains = np.array([trunk.gains for trunk in self._trunks])
         gains = gains[np.asarray(self._cast.policies)[near.victims], parts] * hit.sizes
         impulses = near.speeds / _TYPICAL_SPEED * np.asarray(self._cast.scales, dtype=float)[near.attackers] ** 3
-        impulses *= np.where(np.isin(near.limbs, LEGS), _FOOT, 1.0) * np.where(near.blocked, GUARDED, 1.0)
+        impulses *= np.select([np.isin(near.limbs, LEGS), np.isin(near.limbs, GROUPS["props"])], [_LEG, _PROP], 1.0)
+        impulses *= np.where(near.blocked, GUARDED, 1.0)
         reaches = np.minimum(np.take(_EVEN, parts) + np.take(_STEEP, parts) * impulses**4, np.take(_MOST, parts))
         reaches *= hit.sizes * np.where(near.blocked, GUARDED, 1.0)
         # Up cross direction: rotation about it tips upright vectors in the direction. Trunks fold over what hits them.
