@@ -13,6 +13,22 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+STRIKERS = (
+    ("left hand", "tab:blue"),
+    ("right hand", "tab:red"),
+    ("left foot", "tab:cyan"),
+    ("right foot", "tab:orange"),
+    ("left elbow", "tab:purple"),
+    ("right elbow", "tab:pink"),
+    ("left knee", "tab:olive"),
+    ("right knee", "tab:brown"),
+    ("left prop", "navy"),
+    ("right prop", "darkred"),
+    ("head", "black"),
+)
+"""Name and colour of each of ``motion.strikers.LIMBS``."""
+
+
 def new_figure(width: float, height: float, layout: Literal["constrained"] | None = "constrained") -> Figure:
     """Return an empty figure of a size in inches."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg

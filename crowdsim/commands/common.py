@@ -43,6 +43,11 @@ def fps_option(about: str) -> Any:
     return typer.Option(metavar="FPS", parser=_read_fps, help=f"{about}; fractions such as 24000/1001 are exact.")
 
 
+Port = Annotated[int | None, typer.Option(metavar="N", min=1, max=65535, help="Port; a free one by default.")]
+Host = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="Address to listen at; 127.0.0.1, this machine, by default.")
+]
+NoOpen = Annotated[bool, typer.Option("--no-open", help="Do not open the browser.")]
 Force = Annotated[bool, typer.Option("--force", help="Do it again although it is done.")]
 Search = Annotated[
     str | None,

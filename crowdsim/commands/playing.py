@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from crowdsim.commands.common import Mocap, Threads, complete_either, note, say
+from crowdsim.commands.common import Host, Mocap, NoOpen, Port, Threads, complete_either, note, say
 from crowdsim.commands.progress import Bars
 from crowdsim.commands.viewing import serve
 from crowdsim.core.workers import CORES
-from crowdsim.errors import CrowdsimError, OutputError
+from crowdsim.errors import CrowdsimError, OutputError, ScenarioError
 from crowdsim.files import remove_tree
 
 if TYPE_CHECKING:
@@ -43,13 +43,9 @@ def play(
     override: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Another value, groups[0].count=12 say.")
     ] = None,
-    port: Annotated[
-        int | None, typer.Option(metavar="N", min=1, max=65535, help="Port; a free one by default.")
-    ] = None,
-    host: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Address to listen at; 127.0.0.1, this machine, by default.")
-    ] = None,
-    no_open: Annotated[bool, typer.Option("--no-open", help="Do not open the browser.")] = False,
+    port: Port = None,
+    host: Host = None,
+    no_open: NoOpen = False,
     paused: Annotated[bool, typer.Option("--paused", help="Begin paused.")] = False,
     threads: Threads = CORES,
     mocap: Mocap = None,
@@ -106,13 +102,17 @@ def play(
 
 def _scenario(thing: str, seed: int | None, overrides: list[str]) -> tuple[Scenario, str]:
     """Return the scenario of this name, or that of a policy and a target, and the name of the run folder."""
-    from crowdsim.assets import policy_names
+    from crowdsim.assets import find_scenario, policy_names
     from crowdsim.runs.playing import boxer_and_target
     from crowdsim.scenario.scenario import load_scenario
 
     path = Path(thing)
     is_policy = path.stem in policy_names() and (len(path.parts) == 1 or path.parent.name == "policies")
     if not is_policy and not (path / "policy.json").is_file():
+        try:
+            find_scenario(thing)
+        except ScenarioError as error:
+            raise ScenarioError(f"{error}; or a policy, one of {', '.join(policy_names())}") from None
         scenario = load_scenario(thing, overrides, seed)
         return scenario, f"{scenario.name}_played"
     scenario = load_scenario(boxer_and_target(path.stem if is_policy else thing), overrides, seed)

@@ -13,7 +13,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from crowdsim.commands.common import Force, Frames, Threads, detail, fps_option, note, say, size_text
+from crowdsim.commands.common import (
+    Force,
+    Frames,
+    Host,
+    NoOpen,
+    Port,
+    Threads,
+    detail,
+    fps_option,
+    note,
+    say,
+    size_text,
+)
 from crowdsim.commands.process import opened_run
 from crowdsim.commands.progress import Bars
 from crowdsim.core.workers import CORES
@@ -37,13 +49,9 @@ def view(
     ] = None,
     frames: Frames = None,
     fps: Annotated[float | None, fps_option("Frames a second; 60, or a BVH file's own, by default")] = None,
-    port: Annotated[
-        int | None, typer.Option(metavar="N", min=1, max=65535, help="Port; a free one by default.")
-    ] = None,
-    host: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Address to listen at; 127.0.0.1, this machine, by default.")
-    ] = None,
-    no_open: Annotated[bool, typer.Option("--no-open", help="Do not open the browser.")] = False,
+    port: Port = None,
+    host: Host = None,
+    no_open: NoOpen = False,
     why: Annotated[
         str | None,
         typer.Option(metavar="AVATARS", help="With --html: why these avatars do what they do; the run is repeated."),

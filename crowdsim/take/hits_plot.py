@@ -9,7 +9,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.kernels.layout import BLOCKED, LANDED
-from crowdsim.figures import new_figure
+from crowdsim.figures import STRIKERS, new_figure
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import Body
 from crowdsim.motion.database import MotionDatabase
@@ -25,19 +25,6 @@ if TYPE_CHECKING:
 
 _MOST = 4000
 """Strikes that are drawn at the most; of more, some evenly picked."""
-_STRIKERS = (
-    ("left fist", "tab:blue"),
-    ("right fist", "tab:red"),
-    ("left foot", "tab:cyan"),
-    ("right foot", "tab:orange"),
-    ("left elbow", "tab:purple"),
-    ("right elbow", "tab:pink"),
-    ("left knee", "tab:olive"),
-    ("right knee", "tab:brown"),
-    ("left prop", "navy"),
-    ("right prop", "darkred"),
-    ("head", "black"),
-)
 _LIMBS, _TARGET = "#e4e4e4", "#bdbdbd"
 
 
@@ -163,7 +150,7 @@ def hit_figure(sampler: PoseSampler) -> Figure:
     for axes, across, label in zip(views, (0, 2), ("to its left [m]", "ahead of it [m]"), strict=True):
         _draw_silhouette(axes, silhouette, across)
         size = float(np.clip(3000.0 / max(len(hits.points), 1), 4.0, 30.0))
-        for limb, (name, colour) in enumerate(_STRIKERS):
+        for limb, (name, colour) in enumerate(STRIKERS):
             mine = hits.points[hits.limbs == limb]
             if limb not in HANDS and not len(mine):
                 continue

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.figures import new_figure, save_figure
+from crowdsim.figures import STRIKERS, new_figure, save_figure
 from crowdsim.graph.settings import GraphSettings
 from crowdsim.motion.strikers import HANDS, LIMBS
 from crowdsim.policy.axes.axis import AxisKind
@@ -23,20 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-STRIKERS = (
-    ("left hand", "tab:blue"),
-    ("right hand", "tab:red"),
-    ("left foot", "tab:cyan"),
-    ("right foot", "tab:orange"),
-    ("left elbow", "tab:purple"),
-    ("right elbow", "tab:pink"),
-    ("left knee", "tab:olive"),
-    ("right knee", "tab:brown"),
-    ("left prop", "navy"),
-    ("right prop", "darkred"),
-    ("head", "black"),
-)
-"""Name and colour of each of ``strikers.LIMBS``."""
 HEAD = 1.5
 """Height of a target's head where a behaviour does not depend on height [m]."""
 NEARBY = 2.5

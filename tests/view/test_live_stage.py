@@ -373,7 +373,9 @@ def test_a_port_in_use_is_reported_before_anything_is_played(workplace, capsys, 
 
 def test_what_is_no_scenario_and_no_policy_is_reported(workplace, capsys) -> None:
     assert crowdsim("play", "nothing", "--no-open") == 2
-    assert "nothing: no such scenario" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "nothing: no such scenario" in error
+    assert "or a policy, one of boxer" in error
 
 
 def test_the_command_plays_and_records_where_it_is_told(workplace, monkeypatch, capsys) -> None:
