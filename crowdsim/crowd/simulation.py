@@ -123,7 +123,7 @@ class Simulation:
         self.searches: list[str] = []
         self._profiled = profiled
         self._fresh = np.arange(self.present, dtype=np.int32)
-        # Of targets that nobody foresees each frame knows more.
+        # Where a target that is dragged goes is known one frame at a time.
         self._follows_keys = any(isinstance(path, KeyPath) for path in crowd.targets)
         self._lingers = 0 if crowd.until is None else round(crowd.until.lingers * self.rate)
         self._stages = Stages(crowd, self.model, self.avatars, self._index, self._workers)
