@@ -106,7 +106,8 @@ def main() -> None:
         place, turned = quaternion.rotate(side, place), quaternion.multiply(side, turned)
         if isinstance(build, Build):
             vertices, normals = posed(skin, place, turned)
-            paints = skin_paints(len(BUILDS) if frame else BUILDS.index(build), avatar_paints([0])[0])
+            kind = 0 if frame else BUILDS.index(build)
+            paints = skin_paints(len(BUILDS) if frame else kind, avatar_paints([0])[0], kind)
             draw(axes, vertices - [0, vertices[:, 1].min(), 0], normals, skin.triangles,
                  np.sqrt(paints[skin.parts, :3]), across)  # fmt: skip
         else:

@@ -80,12 +80,13 @@ def avatar_paints(teams: Sequence[int] | Array, colours: Array | None = None) ->
     return paints
 
 
-def skin_paints(avatar: int, paints: Array) -> Array:
+def skin_paints(avatar: int, paints: Array, kind: int = 0) -> Array:
     """Return the paint of each of ``body.parts.SKIN_PARTS`` of an avatar. Shape (P, 4), float32.
 
     Args:
         avatar: Its number, which the colour of its hair follows.
         paints: Its row of ``avatar_paints``. Shape (7, 4).
+        kind: Number of its type: types in turn have plain shorts, or such with stripes, hems, or both.
     """
     skin, glove, shirt, trunks, shoe = (paints[PARTS.index(name)] for name in _DRESSES)
     hair = np.array((*(value**2.0 for value in _HAIR[(avatar * 7 + avatar // 3) % len(_HAIR)]), 0.10))
@@ -94,5 +95,6 @@ def skin_paints(avatar: int, paints: Array) -> Array:
         "skin": skin, "hair": hair, "brows": hair, "eyes": (0.62, 0.60, 0.56, 0.4), "pupils": (0.01, 0.01, 0.01, 0.6),
         "lips": skin * (0.80, 0.52, 0.52, 2.0), "top": shirt, "shorts": trunks, "band": bright, "gloves": glove,
         "cuffs": bright, "shoes": shoe, "soles": (0.70, 0.70, 0.68, 0.1),
+        "stripes": bright if kind % 2 else trunks, "hems": bright if kind % 4 > 1 else trunks,
     }  # fmt: skip
     return np.array([of[part] for part in SKIN_PARTS], np.float32)

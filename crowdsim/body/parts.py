@@ -13,6 +13,7 @@ from crowdsim.core.types import Array
 
 SKIN_PARTS = (
     "skin", "hair", "brows", "eyes", "pupils", "lips", "top", "shorts", "band", "gloves", "cuffs", "shoes", "soles",
+    "stripes", "hems",
 )  # fmt: skip
 
 _HAIRLINE = {
@@ -22,6 +23,8 @@ _HAIRLINE = {
                [-5.6, -5.4, -4.8, -3.6, -0.8, 2.4, 3.4, 3.0, 1.0, 0.5, 1.4, 3.2, 4.6, 5.5, 6.0, 6.3]),
 }  # fmt: skip
 """Height over the middle of the head of the line where hair begins, by how far to the front [cm]."""
+_STRIPE, _HEM = 2.2, 3.2
+"""Half the width of the stripes at the sides of shorts, and the height of their hems [cm]."""
 
 
 def wanted_lengths(binding: Binding, build: Build, coarseness: float = 1.0) -> Callable[[Array], Array]:
@@ -101,7 +104,8 @@ _UNDER = {
     for name, unders in {
         "hair": ("skin",), "brows": ("skin",), "eyes": ("skin",), "pupils": ("eyes",), "lips": ("skin",),
         "top": ("skin",), "shorts": ("skin",),
-        "band": ("shorts",), "gloves": ("skin",), "cuffs": ("gloves",), "shoes": ("skin",), "soles": ("shoes",),
+        "band": ("shorts",), "stripes": ("shorts",), "hems": ("shorts", "stripes"),
+        "gloves": ("skin",), "cuffs": ("gloves",), "shoes": ("skin",), "soles": ("shoes",),
     }.items()
 }  # fmt: skip
 """Parts in whose place each comes."""
@@ -148,6 +152,25 @@ def _lines(binding: Binding, build: Build) -> list[tuple[str, Callable[[Array], 
         aside = 31.0 - 100 * np.abs(points[:, 0] - middle) / size
         return 0.01 * np.minimum(np.minimum(found[0], found[1]), np.minimum(waist, aside))
 
+    def near(value: Callable[[Array], Array]) -> Callable[[Array], Array]:
+        # Lines on shorts end just beyond them.
+        return lambda points: np.minimum(value(points), shorts(points) + 0.01)
+
+    def stripe(side: str, points: Array) -> Array:
+        thigh = binding.segments[f"{side}_thigh"]
+        aside = points - thigh.start - ((points - thigh.start) @ thigh.axes[0])[:, None] * thigh.axes[0]
+        out = aside[:, 0] if side == SIDES[0] else -aside[:, 0]
+        return np.minimum(_STRIPE - 100 * np.abs(aside[:, 2]) / size, 100 * out / size)
+
+    def hem(points: Array) -> Array:
+        below = [
+            _coordinates(binding, f"{side}_thigh", points)[:, 0]
+            - 50 * binding.segments[f"{side}_thigh"].length / size
+            + _HEM
+            for side in SIDES
+        ]
+        return 0.01 * np.where(points[:, 0] >= middle, *below)
+
     def band(points: Array) -> Array:
         return 0.01 * (_coordinates(binding, "trunk", points)[:, 0] - 0.115 * trunk)
 
@@ -174,7 +197,8 @@ def _lines(binding: Binding, build: Build) -> list[tuple[str, Callable[[Array], 
         return 1.5 - _coordinates(binding, f"{side}_foot", points)[:, 1]
 
     lines: list[tuple[str, Callable[[Array], Array]]] = [
-        ("hair", hair), ("shorts", shorts), ("band", band), ("shoes", both(shoe)), ("soles", both(sole)),
+        ("hair", hair), ("shorts", shorts), ("band", band),
+        ("stripes", near(both(stripe))), ("hems", near(hem)), ("shoes", both(shoe)), ("soles", both(sole)),
         ("eyes", blob(-0.45, 5.5, 3.15, (1.35, 0.62), 0.10)),
         ("pupils", blob(-0.42, 5.5, 3.1, (0.55, 0.62))),
         ("brows", blob(1.35, 4.5, 3.3, (2.1, 0.42), -0.10)),
@@ -202,5 +226,6 @@ def _thicknesses(binding: Binding, build: Build) -> list[tuple[tuple[str, ...], 
         up, front, _ = _coordinates(binding, "head", points).T
         return size * np.clip(0.25 + 0.14 * (up - np.interp(front, *_HAIRLINE[build.sex])), 0.25, 0.9)
 
-    return [(("hair",), grown), (("shorts", "band"), flared), (("top",), even(0.3)), (("gloves", "cuffs"), even(0.35)),
+    return [(("hair",), grown), (("shorts", "band", "stripes", "hems"), flared),
+            (("top",), even(0.3)), (("gloves", "cuffs"), even(0.35)),
             (("shoes", "soles"), even(0.3))]  # fmt: skip

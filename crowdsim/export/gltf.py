@@ -237,7 +237,7 @@ class GltfSink:
                 if len(names):
                     extras[key_] = str(names[int(getattr(cast, index)[number])])
             moving, still = self._moving(policy)
-            paints = skin_paints(number, dresses[number])
+            paints = skin_paints(number, dresses[number], int(cast.types[number]))
             document.add_body(
                 name, skeleton, skins[key], np.where(moving[:, None], np.nan, still), paints, scale, extras
             )

@@ -55,10 +55,11 @@ class SkinCast:
     Args:
         cast: The avatars.
         skin: Returns the skin of an avatar whose edges are so many times as long as usual.
+        kinds: Number of each avatar's type, which its shorts follow. Shape (N,).
     """
 
-    def __init__(self, cast: Cast, skin: Callable[[int, float], Skin]) -> None:
-        self._cast, self._skin = cast, skin
+    def __init__(self, cast: Cast, skin: Callable[[int, float], Skin], kinds: Array) -> None:
+        self._cast, self._skin, self._kinds = cast, skin, kinds
         count = len(cast.scales)
         self._columns, self._figures = np.zeros(count, np.int64), np.zeros(count, np.int64)
         self._rows, row = np.zeros(count, np.int64), 0
@@ -123,7 +124,9 @@ class SkinCast:
             np.concatenate([
                 shape.homes + np.int32(self._rows[avatar]) for shape, avatar in zip(shapes, avatars, strict=True)
             ]),
-            np.concatenate([skin_paints(int(avatar), self._cast.dresses[avatar]) for avatar in avatars]),
+            np.concatenate([
+                skin_paints(int(avatar), self._cast.dresses[avatar], int(self._kinds[avatar])) for avatar in avatars
+            ]),
         )  # fmt: skip
 
     def _shape(self, avatar: int, fine: bool) -> _Shape:

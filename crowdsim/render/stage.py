@@ -26,7 +26,7 @@ from crowdsim.render.source import PoseSource, Shown
 from crowdsim.render.view import View
 from crowdsim.scenario.cameras import Chosen
 
-VERSION = 8
+VERSION = 9
 """Counts changes after which pictures differ."""
 _BETWEEN = 34
 """Grey of the line between cameras side by side."""
@@ -239,7 +239,8 @@ def build_stage(
     skin = getattr(source, "skin", None)
     if look.figure == "body" and skin is None:
         raise CrowdsimError(f"{source.name}: figure body needs a run, not a BVH file")
-    skins = None if skin is None or look.figure == "capsules" else SkinCast(cast, skin)
+    kinds = getattr(source, "avatar_kinds", np.zeros(len(cast.scales), int))
+    skins = None if skin is None or look.figure == "capsules" else SkinCast(cast, skin, kinds)
 
     spans = []
     for i, shot in enumerate(shots):

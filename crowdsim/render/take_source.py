@@ -79,6 +79,7 @@ class TakeSource:
         cast = take.cast
         self.avatar_names = tuple(str(value) for value in cast.names)
         self.avatar_teams = np.asarray(cast.teams, int)
+        self.avatar_kinds = np.asarray(cast.types, int)
         self.avatar_scales = np.asarray(cast.scales, float)
         self.avatar_girths = np.asarray(cast.girths, float)
         self.avatar_stretches = cast.stretches

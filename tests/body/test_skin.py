@@ -9,6 +9,7 @@ from crowdsim.body.anatomy import GIRTHS, KINDS, Build
 from crowdsim.body.binding import bind
 from crowdsim.body.field import Shapes, evaluate
 from crowdsim.body.meshing import cut, mesh_edges, relax, surface_nets, thicken, thin, unpinched
+from crowdsim.body.palette import avatar_paints, skin_paints
 from crowdsim.body.parts import SKIN_PARTS
 from crowdsim.body.skin import Skin, build_skin, pose_skins
 from crowdsim.motion import quaternion
@@ -92,6 +93,25 @@ def test_borders_of_parts_are_straight_lines(skin: Skin) -> None:
     border = skin.vertices[np.intersect1d(band, shorts)]
     assert len(border) > 20
     assert np.ptp(border[:, 1]) < 0.012
+
+
+def test_types_in_turn_have_stripes_and_hems_on_their_shorts(skin: Skin) -> None:
+    middles = {
+        name: skin.vertices[skin.triangles[skin.parts == SKIN_PARTS.index(name)]].mean(axis=1)
+        for name in ("shorts", "stripes", "hems")
+    }
+    # Stripes are at the outer sides, hems below everything else of the shorts.
+    sides = np.abs(middles["stripes"][:, 0])
+    assert sides.min() > np.percentile(np.abs(middles["shorts"][:, 0]), 60)
+    assert {*np.sign(middles["stripes"][:, 0])} == {*np.sign(middles["hems"][:, 0])} == {-1.0, 1.0}
+    assert middles["hems"][:, 1].max() < np.percentile(middles["shorts"][:, 1], 20)
+    dress = avatar_paints([0, 1])[1]
+    shorts, band, stripes, hems = (SKIN_PARTS.index(name) for name in ("shorts", "band", "stripes", "hems"))
+    for kind in range(8):
+        paints = skin_paints(1, dress, kind)
+        for part, has in ((stripes, kind in (1, 3, 5, 7)), (hems, kind in (2, 3, 6, 7))):
+            np.testing.assert_array_equal(paints[part], paints[band if has else shorts])
+    assert (skin_paints(1, dress)[stripes] != skin_paints(1, dress)[band]).any()
 
 
 def test_the_same_body_is_built_once_and_the_same(

@@ -182,6 +182,18 @@ def test_extras_say_teams_types_and_strikes(sampler: PoseSampler, tmp_path: Path
     np.testing.assert_allclose([strike["seconds"] for strike in strikes], table["seconds"], atol=1e-3)
 
 
+def test_types_are_told_apart_by_their_shorts(sampler: PoseSampler, tmp_path: Path) -> None:
+    (path,) = write_gltf(sampler, tmp_path / "crowd.glb", fps=30)
+    gltf = Scene(path).gltf
+    striped = {}
+    for node in gltf.nodes:
+        if node.mesh is not None and node.skin is not None:
+            own = {gltf.materials[one.material].name: one.material for one in gltf.meshes[node.mesh].primitives}
+            paints = {name: gltf.materials[own[name]].pbrMetallicRoughness.baseColorFactor for name in own}
+            striped[node.name] = paints["stripes"] != paints["shorts"]
+    assert striped == {"red_0 skin": False, "red_1 skin": False, "late_0 skin": True}
+
+
 def test_extras_say_what_strikes_have_taken_from_health(sampler: PoseSampler, tmp_path: Path) -> None:
     take = sampler.take
     count = len(take.events.frame)
