@@ -57,7 +57,7 @@ def run(
 ) -> None:
     """Run scenarios: simulate, and write take and outputs."""
     from crowdsim.jit.environment import load_numba
-    from crowdsim.runs.extending import extend_run, forget_extension, rewrite_outputs
+    from crowdsim.runs.folder import forget_extension
     from crowdsim.runs.run import Interrupted
     from crowdsim.runs.runner import run_to
     from crowdsim.scenario.frame_ranges import parse_length
@@ -76,16 +76,8 @@ def run(
             load_numba()
             folder = Path("output") / scenario.name if out is None else out / scenario.name if several else out
             detail(f"{scenario.name}: {scenario.avatar_count:,} avatars, {threads} threads, into {folder}")
-            rewritten = None
             with Bars() as bars:
-                if more is None and not force:
-                    rewritten = rewrite_outputs(folder, scenario, threads, mocap, command, bars, bars.note)
-                if rewritten is not None:
-                    report = rewritten
-                elif more is None:
-                    report = run_to(folder, scenario, threads, mocap, force, command, bars, bars.note)
-                else:
-                    report = extend_run(folder, scenario, more, threads, mocap, command, bars, bars.note)
+                report = run_to(folder, scenario, threads, mocap, force, command, bars, bars.note, more=more)
             if as_json:
                 documents.append(_describe_report(scenario.name, report))
             elif not talk.quiet:

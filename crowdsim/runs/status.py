@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
@@ -47,14 +48,9 @@ def describe_run(folder: Path) -> dict[str, Any]:
             return facts
         if note is None:
             return _describe_take(folder) if (folder / TAKE).exists() else {"state": "none"}
-        planned = note.get("planned")
-        planned = (
-            {str(kind): count for kind, count in planned.items() if type(count) is int}
-            if isinstance(planned, dict)
-            else {}
-        )
-        counts = _count(walk(folder / RUN))
-        outputs = {kind: {"done": counts.get(kind, 0), "planned": count} for kind, count in sorted(planned.items())}
+        counts, planned = _count(walk(folder / RUN)), note.get("planned")
+        listed = sorted(planned.items()) if isinstance(planned, dict) else ()
+        outputs = {str(kind): {"done": counts[kind], "planned": most} for kind, most in listed if type(most) is int}
         facts = _describe_growing(folder / RUN)
         return {"state": "running" if at_work else "interrupted", **facts, "outputs": outputs, **at_work}
     except (TakeError, OSError) as error:
@@ -81,11 +77,6 @@ def _describe_growing(folder: Path) -> dict[str, Any]:
     return {"avatars": avatars, "control_frames": frames_done(folder), "planned_frames": planned}
 
 
-def _count(names: Iterable[str]) -> dict[str, int]:
+def _count(names: Iterable[str]) -> Counter[str]:
     """Return the number of whole files by their top folder, or their name without one."""
-    counts: dict[str, int] = {}
-    for name in names:
-        top, _, last = name.partition("/")
-        if not last.startswith("."):
-            counts[top] = counts.get(top, 0) + 1
-    return counts
+    return Counter(name.split("/")[0] for name in names if not name.split("/", 1)[-1].startswith("."))
