@@ -83,9 +83,6 @@ def run(
             elif not talk.quiet:
                 _print_report(report)
             reported.append(folder)
-            if not as_json:
-                sys.stdout.flush()
-                forget_extension(folder)
         except Interrupted as stop:
             print(stop, file=sys.stderr)
             sys.exit(128 + stop.number)
@@ -99,9 +96,9 @@ def run(
             documents.append({"scenario": name, "state": "failed", "error": str(error)})
     if as_json:
         print_json({"runs": documents})
-        sys.stdout.flush()
-        for folder in reported:
-            forget_extension(folder)
+    sys.stdout.flush()
+    for folder in reported:
+        forget_extension(folder)
     if failures:
         print(f"{len(failures)} of {len(scenarios)} runs failed: {', '.join(failures)}", file=sys.stderr)
         sys.exit(1)

@@ -236,14 +236,6 @@ def file_facts(folder: Path, name: str) -> dict[str, Any]:
     return {"bytes": size, "sha256": digest.hexdigest()}
 
 
-def is_unchanged(folder: Path, name: str, facts: Mapping[str, Any]) -> bool:
-    """Whether a file is as it was written."""
-    try:
-        return stat_plain(folder, name).st_size == facts["bytes"] and file_facts(folder, name) == facts
-    except OSError:
-        return False
-
-
 class Verdict(NamedTuple):
     """How a run folder differs from its manifest.
 
@@ -277,7 +269,7 @@ def verify(folder: Path, threads: int = 1) -> Verdict:
         return pending if pending is not None and exists_plain(pending, name) else folder
 
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        found = list(pool.map(lambda item: _differs(place_of(item[0]), *item), recorded.items()))
+        found = list(pool.map(lambda item: difference(place_of(item[0]), *item), recorded.items()))
     findings = [finding for finding in found if finding]
     if read_plain(pending or folder, NAME, MOST_BYTES) != signed_text(document).encode("utf-8"):
         findings.append(f"{folder / NAME}: has changed: it is not as it was written")
@@ -288,7 +280,7 @@ def verify(folder: Path, threads: int = 1) -> Verdict:
     return Verdict(tuple(findings), tuple(stage.name for stage in begun), foreign)
 
 
-def _differs(folder: Path, name: str, report: Mapping[str, Any]) -> str:
+def difference(folder: Path, name: str, report: Mapping[str, Any]) -> str:
     """Return how a file differs from what was recorded of it; an empty text when it does not."""
     path = folder / name
     try:

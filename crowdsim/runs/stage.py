@@ -47,7 +47,7 @@ from crowdsim.runs.manifest import (
     Ledger,
     checksum,
     checksums,
-    is_unchanged,
+    difference,
     read_ledger,
     read_manifest,
     signed_text,
@@ -245,7 +245,7 @@ def _put_in_place(base: Path, stage: Path) -> None:
         move_plain(stage, TAKE, base)
     for name in sorted(set(old.files) - set(new.files)):
         # Any file of a user may have come in its place.
-        if is_unchanged(base, name, old.files[name]):
+        if not difference(base, name, old.files[name]):
             remove_plain(base, [name])
     write_plain(stage, NOTE, signed_text({**(read_note(stage) or {}), "done": True}))
     move_plain(stage, new.name, base)
@@ -289,28 +289,24 @@ def refuse_others(base: Path, planned: Set[str], ledger: Ledger) -> None:
             raise OutputError(_in_the_way(base / name))
 
 
-def find_base(folder: Path) -> tuple[Path, str]:
-    """Return the run folder that a folder is, or is in, without links, and its name there; itself where there is none.
+def find_base(folder: Path) -> tuple[Path, str] | None:
+    """Return the run folder that a folder is, or is in, without links, and its name there; None where there is none.
 
     Raises:
-        TakeError: There is one whose manifest is damaged.
+        TakeError: Its own manifest is damaged.
     """
     here = Path(realpath(folder))
     for above in (here, *here.parents):
-        if exists_plain(above, NAME):
-            try:
-                read_manifest(above)
-            except ForeignManifestError:
-                continue
-            except TakeError:
-                # Further up, files may belong to others.
-                if above == here:
-                    raise
-                continue
-        elif read_note(above / RUN) is None:
+        try:
+            is_run = read_note(above / RUN) is not None or (exists_plain(above, NAME) and bool(read_manifest(above)))
+        except TakeError as error:
+            # It may belong to another program, and what is further up to others.
+            if above == here and not isinstance(error, ForeignManifestError):
+                raise
             continue
-        return (folder if above == here else above), here.relative_to(above).as_posix().removeprefix(".")
-    return folder, ""
+        if is_run:
+            return (folder if above == here else above), here.relative_to(above).as_posix().removeprefix(".")
+    return None
 
 
 class Wanted(NamedTuple):
@@ -349,10 +345,10 @@ def write_together(
         OutputError: The folder is in use, is another run's, holds files of these names, or cannot be written.
         RunError: A file cannot be written.
     """
-    base, above = find_base(out)
-    is_run = base != out or exists_plain(base, NAME) or read_note(base / RUN) is not None
-    own = run is not None and is_run and realpath(run) == realpath(base)
-    if run is not None and is_run and not own:
+    found = find_base(out)
+    base, above = found or (out, "")
+    own = found is not None and run is not None and realpath(run) == realpath(base)
+    if found is not None and run is not None and not own:
         raise OutputError(f"{out}: is in the folder of another run, {base}; expected another folder")
     key = checksum({"asked": wanted.asked, "from": dict(wanted.made_from)})
     inside = f"{above}/" if above else ""
