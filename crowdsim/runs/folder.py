@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 
 from crowdsim.errors import OutputError, TakeError
-from crowdsim.files import exists_plain, read_plain, remove_plain, write_plain
+from crowdsim.files import exists_plain, is_folder, read_plain, remove_plain, write_plain
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.lock import EXTENDING, LOCKS, hold_folder
 from crowdsim.runs.manifest import NAME as MANIFEST
@@ -209,4 +209,4 @@ def _value(parts: Mapping[str, str], key: str) -> Any:
 def place_of(folder: Path) -> Path:
     """Return where the take of a run is: in its folder, or in that in which an unfinished run is written."""
     unfinished = folder / RUN
-    return unfinished if not (folder / TAKE).exists() and read_note(unfinished) is not None else folder
+    return unfinished if not is_folder(folder, TAKE) and read_note(unfinished) is not None else folder

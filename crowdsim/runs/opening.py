@@ -42,7 +42,7 @@ def open_run(folder: FileName) -> RecordedRun:
     notes = []
     if take.status != "done":
         notes.append(f"{folder}: the run was interrupted; {take.frame_count} control frames are there")
-    elif not (folder / MANIFEST).exists():
+    elif not exists_plain(folder, MANIFEST):
         notes.append(f"{folder}: the run is not finished; its take is, some outputs may be missing")
     return RecordedRun.of(
         take,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from crowdsim.errors import TakeError
-from crowdsim.files import exists_plain, walk
+from crowdsim.files import exists_plain, is_folder, walk
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.checkpoint import frames_done
 from crowdsim.runs.folder import RESOLVED
@@ -47,7 +47,7 @@ def describe_run(folder: Path) -> dict[str, Any]:
                 facts["extension"] = _describe_growing(folder / RUN)
             return facts
         if note is None:
-            return _describe_take(folder) if (folder / TAKE).exists() else {"state": "none"}
+            return _describe_take(folder) if is_folder(folder, TAKE) else {"state": "none"}
         counts, planned = _count(walk(folder / RUN)), note.get("planned")
         listed = sorted(planned.items()) if isinstance(planned, dict) else ()
         outputs = {str(kind): {"done": counts[kind], "planned": most} for kind, most in listed if type(most) is int}
@@ -66,7 +66,7 @@ def _describe_take(folder: Path) -> dict[str, Any]:
 
 def _describe_growing(folder: Path) -> dict[str, Any]:
     """Return how far a take is that is not finished, or whose outputs are not."""
-    name = TAKE if (folder / TAKE).exists() else f"{TAKE}.partial"
+    name = TAKE if is_folder(folder, TAKE) else f"{TAKE}.partial"
     if not exists_plain(folder, f"{name}/.zattrs") or not exists_plain(folder, f"{name}/x/.zarray"):
         return {"control_frames": 0}
     attributes = read_model(folder / name, ".zattrs", TakeAttributes)

@@ -12,7 +12,7 @@ import numpy as np
 
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import OutputError, TakeError
-from crowdsim.files import UNFINISHED, make_folder, move_plain, remove_tree
+from crowdsim.files import UNFINISHED, exists_plain, is_folder, make_folder, move_plain, remove_tree
 from crowdsim.take.header import TakeHeader
 from crowdsim.take.layout import (
     AVATARS_A_CHUNK,
@@ -276,15 +276,16 @@ def open_take(path: FileName) -> Take:
             links or devices; or its names are none that a scenario could have.
     """
     folder = Path(path)
-    if not (folder / "take.zarr").exists() and (folder / UNFINISHED / "take.zarr").exists():
-        folder = folder / UNFINISHED
-    if not (folder / ".zgroup").exists() and (folder / "take.zarr").exists():
-        folder = folder / "take.zarr"
-        if folder.is_symlink():
-            raise TakeError(f"{folder}: is a symbolic link, expected the take itself; links are not followed")
-    if not (folder / ".zgroup").exists():
+    if not exists_plain(folder, ".zgroup"):
+        if (folder / "take.zarr").is_symlink():
+            raise TakeError(
+                f"{folder / 'take.zarr'}: is a symbolic link, expected the take itself; links are not followed"
+            )
+        inside = ("take.zarr", f"{UNFINISHED}/take.zarr")
+        folder = next((folder / name for name in inside if is_folder(folder, name)), folder)
+    if not exists_plain(folder, ".zgroup"):
         found = "; expected take.zarr"
-        if (folder / "take.zarr.partial").exists() or (folder / UNFINISHED / "take.zarr.partial").exists():
+        if any(is_folder(folder, name) for name in ("take.zarr.partial", f"{UNFINISHED}/take.zarr.partial")):
             found = ", only what a run left that was killed; run its scenario again with --force or another --out"
         raise TakeError(f"{folder}: no take here{found}")
     try:
