@@ -68,4 +68,5 @@ def remove_parts(path: Path) -> None:
     """Remove a folder of segments, as far as it holds nothing else; the mark last."""
     with contextlib.suppress(OSError):
         names = [name for name in walk(path) if _FILES.fullmatch(name)]
-        remove_plain(path.parent, [f"{path.name}/{name}" for name in sorted(names, key=lambda name: name == _MARK)])
+        remove_plain(path, sorted(names, key=lambda name: name == _MARK))
+        path.rmdir()
