@@ -12,9 +12,9 @@ import os
 import shutil
 import stat
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from crowdsim.errors import OutputError
 
@@ -29,6 +29,18 @@ _KINDS = {
     stat.S_IFBLK: "a device",
     stat.S_IFCHR: "a device",
 }
+
+
+class Writing(NamedTuple):
+    """Where a command writes.
+
+    Attributes:
+        folder: Where its files go until they are whole.
+        done: The files in their places where the same command has written them before, and nothing is to be done.
+    """
+
+    folder: Path
+    done: tuple[Path, ...] = ()
 
 
 class NotPlainError(OSError):
@@ -178,21 +190,13 @@ def make_inside(folder: Path, name: str) -> Path:
     return path
 
 
-def write_plain(
-    folder: Path,
-    name: str,
-    data: str | bytes | Iterable[bytes | memoryview],
-    lasts: bool = False,
-    settle: Callable[[Path], None] | None = None,
-) -> None:
-    """Write a file inside a folder under a temporary name, and rename it.
+@contextmanager
+def whole_file(folder: Path, name: str) -> Iterator[Path]:
+    """Give the temporary path of a file inside a folder, which has its name when this context ends.
 
     Args:
         folder: The folder.
         name: Name of the file; folders above it are made.
-        data: What it holds, or blocks of that.
-        lasts: Whether to wait until it is on disk.
-        settle: Called with the folder before it has its name.
 
     Raises:
         OutputError: It cannot be written; nothing is left of it.
@@ -202,8 +206,37 @@ def write_plain(
     try:
         make_inside(folder, name.rpartition("/")[0])
         partial.unlink(missing_ok=True)
+        yield partial
+        os.replace(partial, path)
+        # Two names of one file both stay.
+        partial.unlink(missing_ok=True)
+    except BaseException as error:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
+        raise
+
+
+def write_plain(
+    folder: Path,
+    name: str,
+    data: str | bytes | Iterable[bytes | memoryview],
+    lasts: bool = False,
+    settle: Callable[[Path], None] | None = None,
+) -> None:
+    """Write a file inside a folder; arguments and errors not listed here are those of ``whole_file``.
+
+    Args:
+        folder: The folder.
+        name: Name of the file.
+        data: What it holds, or blocks of that.
+        lasts: Whether to wait until it is on disk.
+        settle: Called with the folder before it has its name.
+    """
+    blocks = [data.encode("utf-8")] if isinstance(data, str) else [data] if isinstance(data, bytes) else data
+    with whole_file(folder, name) as partial:
         with open(partial, "xb") as file:
-            blocks = [data.encode("utf-8")] if isinstance(data, str) else [data] if isinstance(data, bytes) else data
             for block in blocks:
                 file.write(block)
             if lasts:
@@ -212,13 +245,6 @@ def write_plain(
                 os.fsync(file.fileno())
         if settle is not None:
             settle(folder)
-        os.replace(partial, path)
-    except BaseException as error:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
-        raise
 
 
 def write_text(path: Path, text: str) -> None:
@@ -249,36 +275,21 @@ def move_plain(source: Path, name: str, folder: Path, new_name: str = "") -> Non
 
 
 def copy_plain(source: Path, folder: Path, name: str, link: bool = False) -> None:
-    """Copy a file into a folder under a temporary name, and rename it; folders above it are made.
+    """Copy a file into a folder; arguments and errors not listed here are those of ``whole_file``.
 
     Args:
         source: The file.
         folder: The folder.
         name: Its name there.
         link: Whether it may become a second name of the same file, which is never written again.
-
-    Raises:
-        OutputError: It cannot be copied.
     """
-    path = Path(folder, *name.split("/"))
-    partial = path.with_name(f".{path.name}.part")
-    try:
-        make_inside(folder, name.rpartition("/")[0])
-        partial.unlink(missing_ok=True)
-        try:
-            if not link:
-                raise OSError
-            os.link(source, partial, follow_symlinks=False)
-        except OSError:
+    with whole_file(folder, name) as partial:
+        if link:
             # Not every file system has links.
+            with suppress(OSError):
+                os.link(source, partial, follow_symlinks=False)
+        if not partial.exists():
             shutil.copyfile(source, partial)
-        os.replace(partial, path)
-        # Two names of one file both stay.
-        partial.unlink(missing_ok=True)
-    except OSError as error:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
 def remove_plain(folder: Path, names: Iterable[str]) -> None:

@@ -114,17 +114,12 @@ METHODS = {
 # Each with the reason why it is no file inside a folder of outputs.
 OTHER_WAYS = {
     "crowdsim/runs/archive.py: archive.open": "an entry of a ZIP file",
-    "crowdsim/runs/archive.py: os.replace": "the archive itself, whose name a user gives",
-    "crowdsim/runs/archive.py: open": "an entry that is unpacked into a new temporary folder",
-    "crowdsim/runs/archive.py: target.parent.mkdir": "likewise",
-    "crowdsim/runs/archive.py: folder.mkdir": "likewise",
-    "crowdsim/runs/archive.py: partial.unlink": "the archive itself",
+    "crowdsim/runs/archive.py: folder.mkdir": "a new temporary folder, into which it is unpacked",
     "crowdsim/runs/lock.py: os.open": "the folder itself, to lock it",
     "crowdsim/runs/lock.py: Path('/proc/sys/kernel/random/boot_id').read_text": "a file of the system",
     "crowdsim/runs/provenance.py: (package / name).rglob": "sources of the package",
     "crowdsim/runs/provenance.py: path.read_bytes": "sources of the package",
     "crowdsim/runs/opening.py: known.glob": "policies, which are found by name",
-    "crowdsim/runs/validation.py: path.open": "a scenario or recipe, which a user names",
     "crowdsim/runs/recording.py: writer.open": "a take that begins",
     "crowdsim/take/store.py: self.open": "a take that begins",
     "crowdsim/batch/attempts.py: open": "a log that several processes add to, opened without following links",
@@ -134,11 +129,13 @@ OTHER_WAYS = {
     "crowdsim/batch/running.py: folder.iterdir": "the folder of the batch itself, to see whether it is one",
     "crowdsim/batch/running.py: folder.rmdir": "the folder of the batch itself, where nothing came of it",
     "crowdsim/batch/report.py: table.map(_harmless).rename": "columns of a table",
+    "crowdsim/render/parts.py: path.rmdir": "the folder of a video's segments itself, where nothing else is in it",
     "crowdsim/runs/folder.py: folder.iterdir": "the run folder itself, to see whether it is one",
 }
 
 
-HOUSES = [path for name in ("runs", "take", "batch") for path in sorted((PACKAGE / name).glob("*.py"))]
+HOUSES = [path for name in ("runs", "take", "batch", "outputs") for path in sorted((PACKAGE / name).glob("*.py"))]
+HOUSES += [PACKAGE / name for name in ("export/posed.py", "export/stream.py", "render/batch.py", "render/parts.py")]
 
 
 @pytest.mark.parametrize("path", HOUSES, ids=relative)

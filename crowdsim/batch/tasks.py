@@ -18,7 +18,7 @@ from crowdsim.batch.attempts import attempt, log_path
 from crowdsim.batch.plan import POLICIES, SCENARIOS, WORK, PlannedRun
 from crowdsim.batch.results import collect, write_result
 from crowdsim.batch.workers import describe_environment
-from crowdsim.files import entries, make_folder, remove_tree
+from crowdsim.files import Writing, entries, make_folder, remove_tree
 from crowdsim.runs.folder import RESOLVED
 from crowdsim.runs.lock import find_owner, hold_folder
 from crowdsim.runs.opening import read_arena, read_obstacles
@@ -32,7 +32,6 @@ from crowdsim.take.store import open_take
 if TYPE_CHECKING:
     from crowdsim.export.posed import PosedOutput
     from crowdsim.policy.policy import Policy
-    from crowdsim.render.batch import Place
     from crowdsim.render.options import RenderOptions
     from crowdsim.render.take_source import TakeSource
     from crowdsim.take.take import Take
@@ -162,7 +161,7 @@ def posed_outputs(outputs: Outputs) -> list[PosedOutput]:
 
 def _join(job: Job, progress: Callable[[str, int, int], None]) -> None:
     """Join the pictures that tasks have drawn, as ``crowdsim render`` draws them all."""
-    from crowdsim.render.batch import Place, adopt_frames, render
+    from crowdsim.render.batch import adopt_frames, render
 
     source, options = _source(job)
     assert job.run.outputs.render is not None
@@ -173,12 +172,12 @@ def _join(job: Job, progress: Callable[[str, int, int], None]) -> None:
     }  # fmt: skip
 
     @contextmanager
-    def record(folder: Path, planned: Sequence[Path], mark: str) -> Iterator[Place]:
-        with write_pictures(folder, planned, drawn, mark, folder) as writing:
+    def record(folder: Path, planned: Sequence[Path], mark: str) -> Iterator[Writing]:
+        with write_pictures(folder, planned, mark, drawn, folder) as writing:
             if not writing.done:
                 apart = [name for name in entries(job.batch, f"{WORK}/{job.run.id}") if name.startswith("pictures-")]
                 adopt_frames(writing.folder, [job.work / name for name in apart])
-            yield Place(writing.folder, writing.done)
+            yield writing
 
     render(source, job.folder, options, progress, record)
 

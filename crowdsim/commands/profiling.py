@@ -49,7 +49,7 @@ def profile(
     from crowdsim.crowd.profile_files import draw_profile, draw_scaling, write_csv
     from crowdsim.preparation.prepare import load_policies
     from crowdsim.runs.manifest import FILES
-    from crowdsim.runs.stage import Plan, Wanted, write_together
+    from crowdsim.runs.stage import Wanted, write_together
     from crowdsim.scenario.scenario import load_scenario
 
     counts = profiling.parse_counts(avatars, "--avatars") if avatars is not None else []
@@ -63,7 +63,7 @@ def profile(
             names = {"profile.csv", "profile.png", "scaling.png"} | ({"trace.json"} if trace else set())
             # Another measurement is never the same, so it is never done already.
             facts = {"scenario": loaded.name, "measured": time.time_ns()}
-            wanted = Wanted(FILES, {"profile": facts}, Plan(names))
+            wanted = Wanted(FILES, {"profile": facts}, names)
             place = stack.enter_context(write_together(out, wanted, force=force)).folder
         with Bars() as bars, watch_compilation(bars.note):
             policies = load_policies(loaded, mocap, max(numbers), bars)

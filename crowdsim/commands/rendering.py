@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -17,7 +17,7 @@ from crowdsim.commands.progress import Bars
 from crowdsim.core.workers import CORES
 
 if TYPE_CHECKING:
-    from crowdsim.render.batch import Place
+    from crowdsim.files import Writing
 
 
 def render(
@@ -63,7 +63,6 @@ def render(
     """Render runs and BVH files to PNG, MP4 and contact sheets."""
     from crowdsim.bvh.people import split_person
     from crowdsim.compilation import watch_compilation
-    from crowdsim.render.batch import Place
     from crowdsim.render.command import parse_size, render_many
     from crowdsim.render.look import Look
     from crowdsim.render.options import RenderOptions
@@ -101,10 +100,8 @@ def render(
     drawn = {"size": size, "fps": fps, "frames": frames, "camera": camera, **asdict(options.look)}
     drawn |= {} if shots is None else {"shots": str(shots)}
 
-    @contextmanager
-    def record(folder: Path, planned: Sequence[Path], mark: str) -> Iterator[Place]:
-        with write_pictures(folder, planned, drawn, mark, runs.get(folder), force, threads) as writing:
-            yield Place(writing.folder, writing.done)
+    def record(folder: Path, planned: Sequence[Path], mark: str) -> AbstractContextManager[Writing]:
+        return write_pictures(folder, planned, mark, drawn, runs.get(folder), force, threads)
 
     if out is not None and len(things) == 1:
         outs = [out]

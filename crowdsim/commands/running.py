@@ -57,7 +57,7 @@ def run(
 ) -> None:
     """Run scenarios: simulate, and write take and outputs."""
     from crowdsim.jit.environment import load_numba
-    from crowdsim.runs.extending import extend_run, forget_extension, rewrite_outputs
+    from crowdsim.runs.folder import forget_extension
     from crowdsim.runs.run import Interrupted
     from crowdsim.runs.runner import run_to
     from crowdsim.scenario.frame_ranges import parse_length
@@ -76,24 +76,13 @@ def run(
             load_numba()
             folder = Path("output") / scenario.name if out is None else out / scenario.name if several else out
             detail(f"{scenario.name}: {scenario.avatar_count:,} avatars, {threads} threads, into {folder}")
-            rewritten = None
             with Bars() as bars:
-                if more is None and not force:
-                    rewritten = rewrite_outputs(folder, scenario, threads, mocap, command, bars, bars.note)
-                if rewritten is not None:
-                    report = rewritten
-                elif more is None:
-                    report = run_to(folder, scenario, threads, mocap, force, command, bars, bars.note)
-                else:
-                    report = extend_run(folder, scenario, more, threads, mocap, command, bars, bars.note)
+                report = run_to(folder, scenario, threads, mocap, force, command, bars, bars.note, more=more)
             if as_json:
                 documents.append(_describe_report(scenario.name, report))
             elif not talk.quiet:
                 _print_report(report)
             reported.append(folder)
-            if not as_json:
-                sys.stdout.flush()
-                forget_extension(folder)
         except Interrupted as stop:
             print(stop, file=sys.stderr)
             sys.exit(128 + stop.number)
@@ -107,9 +96,9 @@ def run(
             documents.append({"scenario": name, "state": "failed", "error": str(error)})
     if as_json:
         print_json({"runs": documents})
-        sys.stdout.flush()
-        for folder in reported:
-            forget_extension(folder)
+    sys.stdout.flush()
+    for folder in reported:
+        forget_extension(folder)
     if failures:
         print(f"{len(failures)} of {len(scenarios)} runs failed: {', '.join(failures)}", file=sys.stderr)
         sys.exit(1)

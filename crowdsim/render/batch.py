@@ -9,7 +9,7 @@ from pathlib import Path
 
 from crowdsim.core.types import Progress
 from crowdsim.errors import OutputError, under_way
-from crowdsim.files import entries, make_folder, move_plain
+from crowdsim.files import Writing, entries, make_folder, move_plain
 from crowdsim.render.contact_sheet import sheet_frames, write_sheet
 from crowdsim.render.options import RenderOptions
 from crowdsim.render.parts import is_parts, make_parts, mark_first, remove_parts
@@ -18,21 +18,7 @@ from crowdsim.render.source import PoseSource
 from crowdsim.render.stage import Stage
 from crowdsim.render.video import ffmpeg, join
 
-
-@dataclass(frozen=True)
-class Place:
-    """Where pictures are drawn.
-
-    Attributes:
-        folder: The folder that they are written into; they are moved where it is not that of the rendering.
-        done: The pictures where the same command has drawn them before.
-    """
-
-    folder: Path
-    done: tuple[Path, ...] = ()
-
-
-Record = Callable[[Path, Sequence[Path], str], AbstractContextManager[Place]]
+Record = Callable[[Path, Sequence[Path], str], AbstractContextManager[Writing]]
 """Gives where the pictures of a folder are drawn, by their files there and a mark of all that they depend on."""
 
 
@@ -159,9 +145,9 @@ def picture_files(out: Path, frames: tuple[int, int], mp4: bool, png: bool, cont
 
 
 @contextmanager
-def _unrecorded(out: Path, planned: Sequence[Path], mark: str) -> Iterator[Place]:
+def _unrecorded(out: Path, planned: Sequence[Path], mark: str) -> Iterator[Writing]:
     """Draw where the pictures go."""
-    yield Place(out)
+    yield Writing(out)
 
 
 def _make_folders(out: Path, png: bool, parts: Path | None, mark: str) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from crowdsim.errors import OutputError
-from crowdsim.files import exists_plain, make_folder, open_plain, remove_plain, walk
+from crowdsim.files import entries, exists_plain, make_folder, open_plain, remove_plain, walk, write_plain
 
 _MARK = "mark"
 _UNFINISHED = f".{_MARK}.part"
@@ -32,11 +32,7 @@ def make_parts(path: Path, mark: str) -> None:
     if _has_mark(path):
         return
     make_folder(path)
-    try:
-        (path / _UNFINISHED).write_text(mark, encoding="ascii")
-        os.replace(path / _UNFINISHED, path / _MARK)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error
+    write_plain(path, _MARK, mark)
 
 
 def is_parts(path: Path) -> bool:
@@ -57,7 +53,7 @@ def _has_mark(path: Path) -> bool:
 def _is_begun(path: Path) -> bool:
     """Whether a folder is empty, or holds a mark alone that is not finished."""
     try:
-        names = os.listdir(path)
+        names = entries(path)
         return names == [] or (names == [_UNFINISHED] and exists_plain(path, _UNFINISHED))
     except OSError:
         return False

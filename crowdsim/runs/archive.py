@@ -6,29 +6,27 @@ Files are stored, not compressed (take and video are already), so that an archiv
 from __future__ import annotations
 
 import errno
-import hashlib
-import os
+import shutil
 import stat
 import tempfile
 import zipfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from os.path import lexists
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from crowdsim.config.documents import parse_json
 from crowdsim.core.types import FileName
 from crowdsim.errors import OutputError, TakeError
-from crowdsim.files import is_inside, make_folder, open_plain, walk
+from crowdsim.files import is_inside, make_folder, open_plain, walk, whole_file
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.folder import RESOLVED
-from crowdsim.runs.manifest import FORMAT, MOST_BYTES, checksums, read_manifest, signed_manifest
+from crowdsim.runs.manifest import FORMAT, MOST_BYTES, file_facts, read_manifest, signed_manifest, verify
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.opening import POLICIES, bundle_of
 from crowdsim.runs.stage import TAKE
-
-_BLOCK = 1 << 20
 
 
 def pack_run(folder: FileName, out: FileName, threads: int = 1, force: bool = False) -> tuple[int, int]:
@@ -57,11 +55,8 @@ def pack_run(folder: FileName, out: FileName, threads: int = 1, force: bool = Fa
         bundle = bundle_of(folder, policy, fingerprint)
         sources.update({f"{POLICIES}/{policy}/{name}": (bundle, name) for name in walk(bundle)})
     try:
-        hashes: dict[str, Any] = {}
-        for above in {above for above, _ in sources.values()}:
-            names = {name: source for name, (place, source) in sources.items() if place == above}
-            found = checksums(above, names.values(), threads)
-            hashes.update({name: found[source] for name, source in names.items()})
+        with ThreadPoolExecutor(max(1, threads)) as pool:
+            hashes = dict(zip(sources, pool.map(lambda source: file_facts(*source), sources.values()), strict=True))
     except OSError as error:
         raise TakeError(f"{error.filename or folder}: cannot be read: {error.strerror or error}") from None
     for name in _own_files(document):
@@ -80,20 +75,12 @@ def _own_files(document: dict[str, Any]) -> list[str]:
 
 
 def _write(out: Path, manifest: bytes, sources: dict[str, tuple[Path, str]]) -> None:
-    partial = out.with_name(f".{out.name}.part")
-    try:
-        make_folder(out.parent)
-        with zipfile.ZipFile(partial, "w", zipfile.ZIP_STORED) as archive:
-            archive.writestr(_entry(MANIFEST), manifest)
-            for name, (folder, source) in sorted(sources.items()):
-                with open_plain(folder, source) as file, archive.open(_entry(name), "w", force_zip64=True) as target:
-                    while block := file.read(_BLOCK):
-                        target.write(block)
-        os.replace(partial, out)
-    except OSError as error:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
-        raise OutputError(f"{out}: cannot be written: {error.strerror or error}") from None
+    make_folder(out.parent)
+    with whole_file(out.parent, out.name) as partial, zipfile.ZipFile(partial, "w", zipfile.ZIP_STORED) as archive:
+        archive.writestr(_entry(MANIFEST), manifest)
+        for name, (folder, source) in sorted(sources.items()):
+            with open_plain(folder, source) as file, archive.open(_entry(name), "w", force_zip64=True) as target:
+                shutil.copyfileobj(file, target)
 
 
 def _entry(name: str) -> zipfile.ZipInfo:
@@ -136,7 +123,7 @@ def opened(path: Path) -> Iterator[Path]:
 
 
 def unpack(path: Path, folder: Path) -> None:
-    """Unpack an archive into a new folder, once it has passed its checks.
+    """Unpack an archive into a new folder, and check it.
 
     Raises:
         TakeError: It is no archive of a run, is damaged, or holds what no run's archive does; nothing stays of it
@@ -147,11 +134,16 @@ def unpack(path: Path, folder: Path) -> None:
         with zipfile.ZipFile(path) as archive:
             entries = _check_entries(path, archive)
             folder.mkdir(parents=True)
-            _extract(path, archive, entries.pop(MANIFEST), folder, None)
-            files = read_manifest(folder)["files"]
-            _compare(path, set(entries), set(files))
-            for name, entry in entries.items():
-                _extract(path, archive, entry, folder, files[name])
+            archive.extract(entries.pop(MANIFEST), folder)
+            listed = read_manifest(folder)["files"]
+            odd = min(entries.keys() ^ listed.keys(), default=None)
+            if odd is not None:
+                where = f"is in its {MANIFEST}, but missing" if odd in listed else f"is not in its {MANIFEST}"
+                raise TakeError(f"{path}: {odd!r} {where}")
+            for entry in entries.values():
+                archive.extract(entry, folder)
+        for finding in verify(folder).findings:
+            raise TakeError(f"{path}/{finding.removeprefix(f'{folder}/')}")
     except zipfile.BadZipFile as error:
         raise TakeError(f"{path}: is no archive of a run, or damaged: {error}") from None
     except (EOFError, NotImplementedError, RuntimeError, ValueError) as error:
@@ -194,35 +186,3 @@ def _check_entries(path: Path, archive: zipfile.ZipFile) -> dict[str, zipfile.Zi
     if total > size:
         raise TakeError(f"{path}: claims to hold {total} bytes, but has only {size}")
     return entries
-
-
-def _compare(path: Path, held: set[str], listed: set[str]) -> None:
-    unlisted, missing = f"is not in its {MANIFEST}", f"is in its {MANIFEST}, but missing"
-    for names, what in ((held - listed, unlisted), (listed - held, missing)):
-        if names:
-            raise TakeError(f"{path}: {min(names)!r} {what}")
-
-
-def _extract(
-    path: Path, archive: zipfile.ZipFile, entry: zipfile.ZipInfo, folder: Path, facts: dict[str, Any] | None
-) -> None:
-    """Unpack a file, and hold it against what the manifest says of it."""
-    if facts is not None and facts.get("bytes") != entry.file_size:
-        raise TakeError(f"{path}: {entry.filename!r} has {entry.file_size} bytes, expected {facts.get('bytes')}")
-    target = folder.joinpath(*entry.filename.split("/"))
-    target.parent.mkdir(parents=True, exist_ok=True)
-    digest = hashlib.sha256()
-    with archive.open(entry) as source, open(target, "xb") as file:
-        _copy(source, file, digest, entry.file_size)
-    if facts is not None and digest.hexdigest() != facts.get("sha256"):
-        raise TakeError(f"{path}: {entry.filename!r} has changed: its SHA-256 is not the one in {MANIFEST}")
-
-
-def _copy(source: Any, file: BinaryIO, digest: Any, most: int) -> None:
-    """Copy no more bytes than there should be."""
-    while most > 0 and (block := source.read(min(_BLOCK, most))):
-        digest.update(block)
-        file.write(block)
-        most -= len(block)
-    if most or source.read(1):
-        raise ValueError("a file is longer or shorter than it claims")

@@ -18,7 +18,7 @@ from crowdsim.export.posed import PosedOutput, extent_of, write_posed
 from crowdsim.files import is_folder, move_plain, walk
 from crowdsim.runs.manifest import EXPORT
 from crowdsim.runs.provenance import sources_hash
-from crowdsim.runs.stage import Plan, Wanted, write_together
+from crowdsim.runs.stage import Wanted, planned_files, write_together
 from crowdsim.scenario.frame_ranges import parse_frames
 from crowdsim.scenario.output import FPS
 from crowdsim.scenario.outputs import REGISTRY
@@ -140,8 +140,8 @@ def export_take(
         for finding in output.findings_with(policies):
             raise CrowdsimError(f"{output.name}: {finding}")
     place, kinds = out or folder, [output.name for output in outputs]
-    plan = Plan.of(outputs, extent_of(take), take.cast.names.tolist())
-    with write_together(place, _wanted(outputs, plan, {"take": take_mark(take)}), folder, force, threads) as writing:
+    files = planned_files(outputs, extent_of(take), take.cast.names.tolist(), take.scenario)
+    with write_together(place, _wanted(outputs, files, {"take": take_mark(take)}), folder, force, threads) as writing:
         if writing.done:
             written = {kind: [path for path in writing.done if path.parent.name == kind] for kind in kinds}
         else:
@@ -171,15 +171,15 @@ def adopt_exports(folder: Path, apart: Path, outputs: Sequence[PosedOutput], thr
     names = {name for place, kind in folders for name in walk(place, kind)}
     if not names:
         return
-    with write_together(folder, _wanted(outputs, Plan(names), {}), folder, threads=threads) as writing:
+    with write_together(folder, _wanted(outputs, names, {}), folder, threads=threads) as writing:
         for kind in kinds if not writing.done else ():
             for name in walk(apart, kind) if is_folder(apart, kind) else ():
                 move_plain(apart, name, writing.folder)
 
 
-def _wanted(outputs: Sequence[PosedOutput], plan: Plan, made_from: dict[str, Any]) -> Wanted:
+def _wanted(outputs: Sequence[PosedOutput], files: set[str], made_from: dict[str, Any]) -> Wanted:
     asked = {output.name: output.model_dump(mode="json", exclude_none=True) for output in outputs}
-    return Wanted(EXPORT, asked, plan, made_from, list(asked))
+    return Wanted(EXPORT, asked, files, made_from, list(asked))
 
 
 def take_mark(take: Take) -> str:

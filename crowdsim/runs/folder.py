@@ -2,49 +2,65 @@
 
 from __future__ import annotations
 
+import json
 import os
-import re
+from collections.abc import Mapping
+from contextlib import suppress
+from enum import Enum, auto
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import yaml
 
 from crowdsim.errors import OutputError, TakeError
-from crowdsim.files import exists_plain, read_plain
+from crowdsim.files import exists_plain, is_folder, read_plain, remove_plain, write_plain
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
-from crowdsim.runs.lock import LOCKS, hold_folder
+from crowdsim.runs.lock import EXTENDING, LOCKS, hold_folder
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import RUN, STAGES, read_manifest
-from crowdsim.runs.provenance import Origin, origin_difference, scenario_difference
+from crowdsim.runs.provenance import Origin, document_difference, scenario_difference
 from crowdsim.runs.stage import TAKE, read_note
-
-if TYPE_CHECKING:
-    from crowdsim.scenario.scenario import Scenario
 
 RESOLVED = "scenario.resolved.yaml"
 _LONGEST = 1 << 24
 """Longest resolved scenario that is read [bytes]."""
 _LONGEST_PART = 1 << 18
 """Longest part of it that is read alone [characters]: a whole scenario of a stranger may take minutes."""
-_OF_OUTPUTS = re.compile(r"^(?:fps|cameras|outputs):.*\n(?:[ -].*\n)*", re.MULTILINE)
+_OF_OUTPUTS = {"fps", "cameras", "outputs"}
 """Keys of a resolved scenario that change no take."""
 _CHOICES = "--force replaces it, --out names another folder"
 _OTHERS = "expected an empty folder or a run's; --out names another"
 
 
-def check_folder(folder: Path, resolved: str, force: bool, locked: bool = False) -> bool:
-    """Return whether the run of a resolved scenario is finished in a folder; nothing is written.
+class Held(Enum):
+    """What a folder holds of a run that is asked for."""
+
+    NOTHING = auto()
+    """Nothing, or the run unfinished."""
+    TAKE = auto()
+    """The take of a finished run, from which it goes on: longer, or with other outputs."""
+    RUN = auto()
+    """The run, finished."""
+
+
+def check_folder(
+    folder: Path, resolved: str, force: bool, more: tuple[float, bool] | None = None, origin: Origin | None = None
+) -> Held:
+    """Return what a folder holds of the run of a resolved scenario; nothing is written.
 
     Args:
         folder: The run folder.
         resolved: The resolved scenario, as text.
         force: Whether what a run has left there may go.
-        locked: Whether this process holds the folder.
+        more: What a finished run is to be extended by, see ``runner.run_to``; its duration does not matter then.
+        origin: What the run is made from, where this process holds the folder.
 
     Raises:
         OutputError: The path is a file, cannot be written, holds something that is no run, another run (the message
-            then shows how they differ), or an unfinished run.
+            then shows how they differ), or one that is going on; or there is no finished run that could be extended.
     """
+    if more is not None and not folder.is_dir():
+        raise OutputError(f"{folder}: no such folder, expected a finished run to extend")
     above = folder
     try:
         while not above.exists():
@@ -59,51 +75,96 @@ def check_folder(folder: Path, resolved: str, force: bool, locked: bool = False)
         if not os.access(above, os.W_OK | os.X_OK):
             raise OutputError(f"{folder}: cannot be written, expected a folder with write permission")
         if MANIFEST in held:
-            return _check_finished(folder, resolved, force)
-        begun = read_note(folder / RUN) is not None
-        if not begun and any(name not in STAGES for name in held):
+            return _check_finished(folder, resolved, force, more)
+        if more is not None:
+            raise OutputError(f"{folder}: holds no finished run to extend")
+        begun = read_note(folder / RUN)
+        if begun is None and any(name not in STAGES for name in held):
             raise OutputError(f"{folder}: holds {held[0]!r}, which is no run's; {_OTHERS}")
     except OSError as error:
         raise OutputError(f"{folder}: cannot be read: {error.strerror or error}") from None
-    if begun and not force and not locked:
+    if not begun or force:
+        return Held.NOTHING
+    if origin is None:
         # It may be unfinished because it is still going.
         with hold_folder(folder):
             pass
-    before = read_resolved(folder / RUN) if begun and not force else ""
+    before = read_resolved(folder / RUN)
     if before and before != resolved:
         raise other_run(folder, "an unfinished run of another scenario", scenario_difference(before, resolved))
-    return False
+    if origin is not None and exists_plain(folder / RUN, CHECKPOINT):
+        made_from = begun.get("origin")
+        difference = document_difference(made_from if isinstance(made_from, dict) else {}, origin.document())
+        if difference:
+            what = "an unfinished run that cannot be continued, since something has changed"
+            raise other_run(folder, what, difference)
+    return Held.NOTHING
 
 
-def check_begun(folder: Path, origin: Origin) -> None:
-    """Refuse an unfinished run in a folder that was made from something else.
-
-    Raises:
-        OutputError: It was.
-    """
-    note = read_note(folder / RUN)
-    begun = exists_plain(folder / RUN, CHECKPOINT) and note is not None
-    difference = origin_difference(dict(note.get("origin", {})), origin) if begun and note else []
-    if difference:
-        raise other_run(folder, "an unfinished run that cannot be continued, since something has changed", difference)
-
-
-def other_run(folder: Path, what: str, difference: list[str]) -> OutputError:
-    """Return the error of a folder that holds another run, with the lines in which that one differs."""
-    return OutputError("\n".join([f"{folder}: holds {what}; {_CHOICES}", *difference]))
-
-
-def _check_finished(folder: Path, resolved: str, force: bool) -> bool:
+def _check_finished(folder: Path, resolved: str, force: bool, more: tuple[float, bool] | None) -> Held:
     try:
         document = read_manifest(folder)
     except TakeError as error:
         raise OutputError(f"{error}; {_OTHERS}") from None
     if force:
-        return False
+        return Held.NOTHING
     before = read_resolved(folder)
-    if before == resolved and document.get("status") == "done":
-        return True
-    raise other_run(folder, "another run", scenario_difference(before, resolved))
+    old, now = _parts(before), _parts(resolved)
+    if more is not None:
+        if _is_extended(folder, more, document.get("control_frames", 0)):
+            return Held.RUN
+        ended = document.get("outcome")
+        if ended is not None:
+            what = f"has come to the end of its scenario, {str(ended.get('kind', '')).replace('_', ' ')}"
+            raise OutputError(f"{folder}: {what}; it cannot be extended")
+        now["duration"] = old.get("duration", "")
+    if document.get("status") == "done":
+        if old == now:
+            return Held.RUN if more is None else Held.TAKE
+        if more is None and _have_same_take(old, now):
+            return Held.TAKE
+    raise other_run(folder, "another run", scenario_difference(before, "".join(now.values())))
+
+
+def _have_same_take(old: Mapping[str, str], now: Mapping[str, str]) -> bool:
+    """Whether two resolved scenarios differ only in what changes no take, and needs nothing that was not measured."""
+    if any(old.get(key) != now.get(key) for key in (old.keys() | now.keys()) - _OF_OUTPUTS):
+        return False
+    try:
+        before, after = (_value(parts, "outputs") or {} for parts in (old, now))
+        return before.get("take") == after.get("take") and ("profile" in before or "profile" not in after)
+    except (ValueError, AttributeError):
+        return False
+
+
+def note_extension(folder: Path, more: tuple[float, bool], frames: int) -> None:
+    """Note by what a run is extended, and to how many control frames.
+
+    Until the command has reported its end, the same command does not extend the run again.
+
+    Raises:
+        OutputError: It cannot be written.
+    """
+    write_plain(folder, EXTENDING, json.dumps([*more, frames]))
+
+
+def _is_extended(folder: Path, more: tuple[float, bool], frames: int) -> bool:
+    """Whether a run has been extended by this to its number of control frames, and that has not been reported."""
+    try:
+        return read_plain(folder, EXTENDING, 1 << 10) == json.dumps([*more, frames]).encode()
+    except OSError:
+        return False
+
+
+def forget_extension(folder: Path) -> None:
+    """Forget what a run was extended by, since its end has been reported; the next extension is another one."""
+    with suppress(OSError):
+        remove_plain(folder, [EXTENDING])
+
+
+def other_run(folder: Path, what: str, difference: list[str]) -> OutputError:
+    """Return the error of a folder that holds another run, with the lines in which that one differs."""
+    return OutputError("\n".join([f"{folder}: holds {what}; {_CHOICES}", *difference]))
 
 
 def read_resolved(folder: Path) -> str:
@@ -120,35 +181,32 @@ def resolved_value(folder: Path, key: str) -> Any:
     Raises:
         ValueError: It says nothing there, or nothing that can be read.
     """
-    found = re.search(rf"^{key}:.*\n(?:[ -].*\n)*", read_resolved(folder), re.MULTILINE)
-    if found is None or len(found[0]) > _LONGEST_PART:
+    return _value(_parts(read_resolved(folder)), key)
+
+
+def _parts(resolved: str) -> dict[str, str]:
+    """Return the lines of a resolved scenario by its top keys."""
+    found: dict[str, list[str]] = {}
+    key = ""
+    for line in resolved.splitlines(keepends=True):
+        if line[0] not in " -\n":
+            key = line.partition(":")[0]
+        found.setdefault(key, []).append(line)
+    return {key: "".join(lines) for key, lines in found.items()}
+
+
+def _value(parts: Mapping[str, str], key: str) -> Any:
+    """Return what a resolved scenario says at one of its top keys; errors as of ``resolved_value``."""
+    text = parts.get(key, "")
+    if not text or len(text) > _LONGEST_PART:
         raise ValueError(f"has no {key!r}")
     try:
-        return yaml.safe_load(found[0])[key]
+        return yaml.safe_load(text)[key]
     except (yaml.YAMLError, RecursionError, KeyError, TypeError) as error:
         raise ValueError(f"{key!r} cannot be read: {error}") from None
-
-
-def has_same_take(folder: Path, scenario: Scenario, resolved: str) -> bool:
-    """Whether a folder holds the finished run of a scenario but for what changes no take: cameras and outputs.
-
-    Args:
-        folder: The run folder.
-        scenario: The scenario, resolved.
-        resolved: It as text.
-    """
-    try:
-        if read_manifest(folder).get("status") != "done":
-            return False
-        before = read_resolved(folder)
-        take = (resolved_value(folder, "outputs") or {}).get("take")
-    except (TakeError, ValueError, AttributeError):
-        return False
-    same = take == scenario.outputs.take.model_dump(mode="json", exclude_none=True)
-    return same and before != resolved and _OF_OUTPUTS.sub("", before) == _OF_OUTPUTS.sub("", resolved)
 
 
 def place_of(folder: Path) -> Path:
     """Return where the take of a run is: in its folder, or in that in which an unfinished run is written."""
     unfinished = folder / RUN
-    return unfinished if not (folder / TAKE).exists() and read_note(unfinished) is not None else folder
+    return unfinished if not is_folder(folder, TAKE) and read_note(unfinished) is not None else folder

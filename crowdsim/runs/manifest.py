@@ -48,15 +48,12 @@ MOST_BYTES = 1 << 25
 _TAKE = "take.zarr/"
 _OWN = {NAME, OUTPUTS, *LOCKS}
 """What is no result of a command: these lists, and notes of what goes on."""
-_BESIDE = "|".join(one.pattern() for one in REGISTRY.values() if not one.from_take and one.pattern())
-_AGAIN = "|".join(one.pattern() for one in REGISTRY.values() if one.from_take)
-_RUN = re.compile(
-    rf"scenario\.resolved\.yaml|checkpoint\.bin|{_BESIDE}"
+_OUTPUT = "|".join(one.pattern() for one in REGISTRY.values() if one.pattern())
+_WRITTEN = re.compile(
+    r"scenario\.resolved\.yaml|checkpoint\.bin|trace\.json|policies/[^/]+/[a-z_0-9]+\.(?:json|npy)"
     r"|take\.zarr/(?:[a-z_]+/){0,2}(?:\.z(?:group|attrs|array|metadata)|\d+(?:\.\d+)*)"
-    rf"|(?:[^/]+/)*(?:{_AGAIN})"
-    r"|policies/[^/]+/[a-z_0-9]+\.(?:json|npy)"
+    rf"|(?:[^/]+/)*(?:{_OUTPUT}|[^/]+\.(?:bvh|png|mp4|svg))"
 )
-_APART = re.compile(rf"(?:[^/]+/)*(?:{_AGAIN}|[^/]+\.(?:bvh|png|mp4|svg)|profile\.csv|trace\.json)")
 """Names of files that commands write, in a run folder and elsewhere."""
 
 _Count = Annotated[int, Field(ge=0, le=1 << 62)]
@@ -174,14 +171,14 @@ def read_manifest(folder: Path, needed: Iterable[str] = (), name: str = NAME) ->
             raise TakeError(f"{path}: is damaged: lacks {key!r}")
     inputs = set(document.get("inputs", ())) if name == NAME else set()
     for file in document["files"]:
-        if not is_inside(file) or not (file in inputs or is_written(file) or is_written(file, by_run=False)):
+        if not is_inside(file) or not (file in inputs or is_written(file)):
             raise TakeError(f"{path}: names {file!r}, expected only files that a run writes inside {folder}")
     return document
 
 
-def is_written(name: str, by_run: bool = True) -> bool:
+def is_written(name: str) -> bool:
     """Whether a file inside a run folder, or another folder of outputs, has a name that commands give."""
-    return (_RUN if by_run else _APART).fullmatch(name) is not None
+    return _WRITTEN.fullmatch(name) is not None
 
 
 class Ledger(NamedTuple):
@@ -222,25 +219,21 @@ def checksums(folder: Path, names: Iterable[str] | None = None, threads: int = 1
     """
     chosen = sorted(set(walk(folder) if names is None else names) - _OWN)
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        return dict(zip(chosen, pool.map(lambda name: _facts(folder, name), chosen), strict=True))
+        return dict(zip(chosen, pool.map(lambda name: file_facts(folder, name), chosen), strict=True))
 
 
-def _facts(folder: Path, name: str) -> dict[str, Any]:
-    """Return size and SHA-256 of a file."""
+def file_facts(folder: Path, name: str) -> dict[str, Any]:
+    """Return size and SHA-256 of a file of a folder, as a manifest lists them.
+
+    Raises:
+        OSError: It is missing or no regular file, or cannot be read.
+    """
     digest, size = hashlib.sha256(), 0
     with open_plain(folder, name) as file:
         for block in iter(lambda: file.read(1 << 20), b""):
             digest.update(block)
             size += len(block)
     return {"bytes": size, "sha256": digest.hexdigest()}
-
-
-def is_unchanged(folder: Path, name: str, facts: Mapping[str, Any]) -> bool:
-    """Whether a file is as it was written."""
-    try:
-        return stat_plain(folder, name).st_size == facts["bytes"] and _facts(folder, name) == facts
-    except OSError:
-        return False
 
 
 class Verdict(NamedTuple):
@@ -276,7 +269,7 @@ def verify(folder: Path, threads: int = 1) -> Verdict:
         return pending if pending is not None and exists_plain(pending, name) else folder
 
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        found = list(pool.map(lambda item: _differs(place_of(item[0]), *item), recorded.items()))
+        found = list(pool.map(lambda item: difference(place_of(item[0]), *item), recorded.items()))
     findings = [finding for finding in found if finding]
     if read_plain(pending or folder, NAME, MOST_BYTES) != signed_text(document).encode("utf-8"):
         findings.append(f"{folder / NAME}: has changed: it is not as it was written")
@@ -287,14 +280,14 @@ def verify(folder: Path, threads: int = 1) -> Verdict:
     return Verdict(tuple(findings), tuple(stage.name for stage in begun), foreign)
 
 
-def _differs(folder: Path, name: str, report: Mapping[str, Any]) -> str:
+def difference(folder: Path, name: str, report: Mapping[str, Any]) -> str:
     """Return how a file differs from what was recorded of it; an empty text when it does not."""
     path = folder / name
     try:
         size = stat_plain(folder, name).st_size
         if size != report["bytes"]:
             return f"{path}: has {size} bytes, expected {report['bytes']}"
-        if _facts(folder, name) != report:
+        if file_facts(folder, name) != report:
             return f"{path}: has changed: its SHA-256 is not the one in {NAME}"
     except FileNotFoundError:
         return f"{path}: is missing"

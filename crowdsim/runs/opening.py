@@ -12,6 +12,7 @@ from pydantic import TypeAdapter
 from crowdsim import assets
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import CrowdsimError, PolicyError, RecipeError, TakeError
+from crowdsim.files import exists_plain
 from crowdsim.runs.folder import place_of, resolved_value
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import read_manifest
@@ -41,7 +42,7 @@ def open_run(folder: FileName) -> RecordedRun:
     notes = []
     if take.status != "done":
         notes.append(f"{folder}: the run was interrupted; {take.frame_count} control frames are there")
-    elif not (folder / MANIFEST).exists():
+    elif not exists_plain(folder, MANIFEST):
         notes.append(f"{folder}: the run is not finished; its take is, some outputs may be missing")
     return RecordedRun.of(
         take,
@@ -76,12 +77,9 @@ def bundle_of(folder: Path, policy: str, fingerprint: str | None = None) -> Path
     with suppress(TakeError):
         recorded = read_manifest(folder)
     fingerprint = fingerprint or recorded.get("policies", {}).get(policy)
-    own = folder / POLICIES / policy
-    if (own / "policy.json").is_file():
-        places = [own]
-    else:
+    places = [folder / POLICIES / policy]
+    if not exists_plain(folder, f"{POLICIES}/{policy}/policy.json"):
         places = [Path(place) for name, place in recorded.get("policy_folders", {}).items() if name == policy]
-    if places[:1] != [own]:
         with suppress(PolicyError, RecipeError):
             places.append(find_bundle(policy))
         places += [above / POLICIES / policy for above in folder.absolute().parents[:2]]

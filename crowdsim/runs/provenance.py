@@ -81,11 +81,6 @@ def scenario_difference(before: str, now: str) -> list[str]:
     return list(lines)[:_DIFFERENCE_LINES]
 
 
-def origin_difference(before: dict[str, Any], now: Origin) -> list[str]:
-    """Return how what a run was made from, as ``Origin.document`` put it, differs from another one, a line each."""
-    return document_difference(before, now.document())
-
-
 def document_difference(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
     """Return how two descriptions by ``Origin.document`` differ, a line each."""
     lines = []

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,6 @@ from crowdsim.scenario.rates import parse_rate
 from crowdsim.take.take import Take
 
 if TYPE_CHECKING:
-    from crowdsim.render.batch import Place
     from crowdsim.render.look import Look
     from crowdsim.view.page import Page
     from crowdsim.view.recording import Recording
@@ -158,7 +157,7 @@ class RecordedRun(Take):
             OutputError: A folder cannot be made or is in use, or holds other files of these names.
             RunError: A file cannot be written.
         """
-        from crowdsim.render.batch import Place, render
+        from crowdsim.render.batch import render
         from crowdsim.render.command import parse_size
         from crowdsim.render.look import Look
         from crowdsim.render.options import RenderOptions
@@ -184,14 +183,10 @@ class RecordedRun(Take):
         name = None if camera is None else camera_name(camera)
         drawn = {"size": said, "fps": rate, "frames": given, "camera": name, **asdict(options.look)}
 
-        @contextmanager
-        def record(folder: Path, planned: Sequence[Path], mark: str) -> Iterator[Place]:
-            with write_pictures(folder, planned, drawn, mark, self.folder, force, threads) as writing:
-                yield Place(writing.folder, writing.done)
-
         source = TakeSource(
             self, self.policies, rate, threads=threads, arena=self.arena, cameras=self.cameras, obstacles=self.obstacles
         )
+        record = partial(write_pictures, drawn=drawn, run=self.folder, force=force, threads=threads)
         return list(render(source, self._place(out), options, progress, record).files)
 
     def view(

@@ -9,14 +9,14 @@ from pydantic import ValidationError
 
 from crowdsim.core.types import Array, Progress
 from crowdsim.errors import CrowdsimError, TakeError
-from crowdsim.export.posed import FinishedTake, extent_of
+from crowdsim.export.posed import FinishedTake
 from crowdsim.export.select import parse_avatars
 from crowdsim.outputs.report import ReportOutput
 from crowdsim.runs.exports import take_mark
 from crowdsim.runs.folder import RESOLVED, place_of, read_resolved
 from crowdsim.runs.manifest import FILES
 from crowdsim.runs.recorded import RecordedRun
-from crowdsim.runs.stage import Plan, Wanted, write_together
+from crowdsim.runs.stage import Wanted, write_together
 from crowdsim.scenario.frame_ranges import parse_frames
 from crowdsim.take.take import Take
 
@@ -91,7 +91,7 @@ def write_output(
         raise TakeError(f"{folder / RESOLVED}: cannot be read, and the report shows it")
     place = out or folder
     asked = {output.name: output.model_dump(mode="json", exclude_none=True)}
-    wanted = Wanted(FILES, asked, Plan.of([output], extent_of(take), ()), {"take": take_mark(take), "of": scenario})
+    wanted = Wanted(FILES, asked, {"report.html"}, {"take": take_mark(take), "of": scenario})
     with write_together(place, wanted, folder, force, threads) as writing:
         if not writing.done:
             output.write_page(FinishedTake(take, take.policies, writing.folder, threads, progress, arena), scenario)

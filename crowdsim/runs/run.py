@@ -119,6 +119,7 @@ class Run:
         folder: The run folder; a run in memory has none.
         force: Whether what an earlier run has left in the folder may be removed.
         command: The command, for the manifest.
+        more: What a finished run is extended by, see ``runner.run_to``.
         order: Number of the avatar in each slot of storage at the start, which changes no result. Shape (N,).
         policy_folders: Where its policies were found, by name.
         caught: The signal that asks the run to stop, once it has come.
@@ -134,6 +135,7 @@ class Run:
     folder: Path = Path()
     force: bool = False
     command: str = ""
+    more: tuple[float, bool] | None = None
     order: Array | None = None
     policy_folders: dict[str, str] = field(default_factory=dict)
     caught: list[int] = field(default_factory=list)

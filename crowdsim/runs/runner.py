@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from os.path import commonpath
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
@@ -12,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 from crowdsim import assets
 from crowdsim.compilation import watch_compilation
 from crowdsim.core.types import Array, FileName, Progress
-from crowdsim.errors import CrowdsimError, RunError, ScenarioError, TakeError, under_way
-from crowdsim.files import copy_plain, exists_plain, is_folder, remove_plain, remove_tree, stat_plain, walk, write_plain
+from crowdsim.errors import CrowdsimError, OutputError, RunError, ScenarioError, TakeError, under_way
+from crowdsim.files import copy_plain, exists_plain, is_folder, remove_plain, walk, write_plain
 from crowdsim.machine import peak_memory
 from crowdsim.places.mesh import area_of
 from crowdsim.preparation.prepare import (
@@ -27,28 +28,29 @@ from crowdsim.preparation.prepare import (
 )
 from crowdsim.preparation.validation import check_scenario, late_events, output_findings
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
-from crowdsim.runs.checkpoint import Checkpoint, read_checkpoint
-from crowdsim.runs.folder import RESOLVED, check_begun, check_folder
+from crowdsim.runs.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from crowdsim.runs.folder import RESOLVED, Held, check_folder, note_extension, other_run, read_resolved
 from crowdsim.runs.lock import LOCKS, hold_folder
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import NOTE, OUTPUTS, checksums, read_ledger, read_manifest
 from crowdsim.runs.manifest import RUN as STAGE
-from crowdsim.runs.provenance import Origin, origin_of
+from crowdsim.runs.provenance import Origin, document_difference, origin_of
 from crowdsim.runs.recorded import RecordedRun
 from crowdsim.runs.run import Report, Run
-from crowdsim.runs.stage import TAKE, Plan, Stage, complete, complete_alone, open_stage, refuse_others
+from crowdsim.runs.stage import TAKE, Stage, complete, complete_alone, open_stage, planned_files, refuse_others
 from crowdsim.scenario.output import Extent
 from crowdsim.scenario.scenario import Scenario, check_loaded, dump_scenario
 from crowdsim.scenario.warnings import policy_warnings
+from crowdsim.take.metadata import check_files
 from crowdsim.take.take import Take
 
 if TYPE_CHECKING:
     from crowdsim.crowd.crowd import Crowd
     from crowdsim.policy.policy import Policy
 
-_OWN = {RESOLVED, CHECKPOINT, MANIFEST}
-MOST_FILES = 200_000
-"""Most files of a run's outputs, so that a manifest can list them all."""
+_OWN = {RESOLVED, CHECKPOINT, MANIFEST, TAKE}
+_SIMULATED = {"control", "take", "statistics", "checkpoints"}
+"""Stages that are not done again where only outputs differ."""
 
 
 def run(
@@ -76,7 +78,6 @@ def run(
         PolicyError: A bundle is foreign or damaged, or capture for it is missing.
         RunError: The run failed.
     """
-    from crowdsim.crowd.draw import draw_crowd
     from crowdsim.crowd.obstacles import pack_obstacles
     from crowdsim.runs.recording import record
     from crowdsim.take.memory import TakeCollector
@@ -85,7 +86,7 @@ def run(
     one = Run(scenario, threads, mocap, progress, order=order)
     if policies is None:
         check_scenario(scenario)
-    crowd = _draw(one) if policies is None else draw_crowd(scenario, policies)
+    crowd = _draw(one, policies)
     collector = TakeCollector(take_header(scenario, crowd), crowd.policies)
     record(one, crowd, collector)
     health = {name: one.damage.health for name, one in scenario.types.items() if one.damage is not None}
@@ -109,28 +110,41 @@ def run_to(
     progress: Progress | None = None,
     notify: Callable[[str], None] | None = None,
     policies: Sequence[Policy] | None = None,
+    more: tuple[float, bool] | None = None,
 ) -> Report:
     """Run a scenario into a folder: take, outputs, and the manifest last.
 
-    A finished run of the same resolved scenario is not done again. One that was interrupted goes on where it stopped,
-    with the same result as if it had not been. Nothing that a run has computed is removed, unless ``force`` says so;
-    then only what a manifest or journal lists. What is wrong with the input is found before the folder is made or
-    touched. ``notify`` is called beforehand with what has to be trained, what a large crowd will need, what its
-    policies cannot do and where the run goes on, and once when kernels are compiled. ``policies`` are those of a
-    scenario that has been checked; they are found, and trained if need be, when None.
+    A finished run of the same resolved scenario is not done again; where only its outputs differ, they are written from
+    its take. One that was interrupted goes on where it stopped, and a finished one is continued by ``more``: the folder
+    then holds what an uninterrupted run of that length would have written. Nothing that a run has computed is removed,
+    unless ``force`` says so; then only what a manifest or journal lists. What is wrong with the input is found before
+    the folder is made or touched.
+
+    Args:
+        folder: The run folder.
+        scenario: The scenario, resolved.
+        threads: Threads.
+        mocap: Folder of capture.
+        force: Whether to begin anew whatever a run has left in the folder.
+        command: The command, for the manifest.
+        progress: Called with stage, done and total.
+        notify: Called beforehand with what has to be trained, what a large crowd will need, what its policies cannot do
+            and where the run goes on, and once when kernels are compiled.
+        policies: Policies of a scenario that has been checked; found, and trained if need be, when None.
+        more: Control frames that a finished run is extended by, or seconds, and whether they are seconds. Until
+            ``forget_extension``, which follows the report of its end, the same call does not extend the run again.
 
     Raises:
         ScenarioError: Not all avatars fit, or behaviours are weighed that are not learned.
         PolicyError: A bundle is foreign or damaged, or capture for it is missing.
         OutputError: The folder cannot be used.
-        RunError: The run failed, or an output cannot be written.
-        Interrupted: SIGINT or SIGTERM came; the take holds the frames that were done.
+        RunError: The run failed, or an output cannot be written; a run that was finished stays.
+        Interrupted: SIGINT or SIGTERM came; the take holds the frames that were done, and the same call goes on.
     """
     check_loaded(scenario)
-    one = Run(scenario, threads, mocap, progress, notify, Path(folder), force, command)
-    resolved = dump_scenario(scenario)
+    one = Run(scenario, threads, mocap, progress, notify, Path(folder), force, command, more)
     complete_alone(one.folder)
-    if check_folder(one.folder, resolved, force):
+    if check_folder(one.folder, dump_scenario(scenario), force, more) is Held.RUN:
         return _done_before(one)
     uses: list[str] = []
     if policies is None:
@@ -142,39 +156,68 @@ def run_to(
                 notify(training_notice(name, threads))
     with watch_compilation(notify, uses, threads) as compilation:
         one.clock.watch(compilation)
-        _run_in_folder(one, resolved, policies)
+        _run_in_folder(one, policies)
         one.report.compiled = compilation.count
     return one.report
 
 
-def _run_in_folder(one: Run, resolved: str, policies: Sequence[Policy] | None) -> None:
+def _run_in_folder(one: Run, policies: Sequence[Policy] | None) -> None:
     """Run a scenario into a folder that is fit for it, unless another run has done so meanwhile."""
-    from crowdsim.crowd.draw import draw_crowd
-
+    crowd = _draw(one, policies)
     if policies is None:
-        crowd = _draw(one)
         one.policy_folders = bundle_folders([policy.name for policy in crowd.policies])
-    else:
-        crowd = draw_crowd(one.scenario, policies)
     one.scenario.refuse(output_findings(one.scenario, crowd.policies))
     for output in one.scenario.outputs.wanted():
         output.prepare()
     one.clock.lap("prepare")
     if one.notify is not None and crowd.count >= LARGE:
         one.notify(needs(crowd.count, crowd.frames, one.folder))
+    resolved = dump_scenario(one.scenario)
     origin, plan = origin_of(resolved, crowd.policies), plan_run(one, crowd)
     with one.catch_signals(), hold_folder(one.folder, one.command):
         complete(one.folder)
         # Another run may have come and gone since the first look.
-        if check_folder(one.folder, resolved, one.force, locked=True):
+        held = check_folder(one.folder, resolved, one.force, one.more, origin)
+        if held is Held.RUN:
             _done_before(one)
             return
-        if not one.force:
-            check_begun(one.folder, origin)
-        write_run(one, crowd, origin, plan)
+        begun = _end_of_finished(one, crowd, origin) if held is Held.TAKE else None
+        _write_run(one, crowd, origin, plan, begun)
 
 
-def write_run(one: Run, crowd: Crowd, origin: Origin, plan: Plan, seed: Callable[[Path], None] | None = None) -> None:
+def _end_of_finished(one: Run, crowd: Crowd, origin: Origin) -> Checkpoint:
+    """Return the checkpoint of the end of a finished run, from which it goes on.
+
+    Raises:
+        OutputError: Something has changed since; or there is none, or it is damaged or of another run.
+    """
+    folder, manifest = one.folder, read_manifest(one.folder, ("origin",))
+    difference = document_difference(manifest["origin"], origin.document())
+    if difference:
+        what = "the same run, but its outputs cannot follow, since something changed"
+        if one.more is not None:
+            what = "a run that cannot be extended, since something has changed"
+        raise other_run(folder, what, difference)
+    try:
+        if not is_folder(folder, TAKE):
+            raise TakeError(f"{folder / TAKE}: is missing, or a link; links are not followed")
+        check_files(folder / TAKE)
+        begun = read_checkpoint(folder)
+    except TakeError as error:
+        raise OutputError(f"the run cannot be continued: {error}") from None
+    if begun.origin != replace(origin, scenario=read_resolved(folder)).checksum or begun.frame > crowd.frames:
+        raise OutputError(f"the run cannot be continued: {folder / CHECKPOINT} is of another run")
+    if one.more is not None:
+        note_extension(folder, one.more, crowd.frames)
+    else:
+        one.report.seconds |= {name: value for name, value in manifest["seconds"].items() if name in _SIMULATED}
+        one.tell(
+            f"{folder}: only outputs differ; writing them from its take, in place of all outputs and exports there"
+        )
+    return begun
+
+
+def _write_run(one: Run, crowd: Crowd, origin: Origin, plan: set[str], finished: Checkpoint | None) -> None:
     """Write a run into its stage, or what is missing there, and put everything in its place.
 
     Args:
@@ -182,7 +225,7 @@ def write_run(one: Run, crowd: Crowd, origin: Origin, plan: Plan, seed: Callable
         crowd: Its crowd.
         origin: What it is made from.
         plan: Names of all files that it writes.
-        seed: Writes the take and checkpoint that a run begins with that goes on.
+        finished: The end of the finished run in its folder that it goes on from.
 
     Raises:
         OutputError: Something is in the way.
@@ -191,18 +234,19 @@ def write_run(one: Run, crowd: Crowd, origin: Origin, plan: Plan, seed: Callable
     """
     refuse_others(one.folder, plan, read_ledger(one.folder))
     own = _OWN | {name.split("/")[0] for name in _inputs(one.scenario)}
-    planned = {kind: count for kind, count in plan.counts().items() if kind not in own}
+    planned = Counter(top for name in plan if (top := name.split("/")[0]) not in own)
     note = {"origin": origin.document(), "planned": planned}
     survives = (RESOLVED, CHECKPOINT, TAKE, f"{TAKE}.partial")
     stage = open_stage(one.folder, STAGE, origin.checksum, note, one.force, survives)
-    if seed is not None and not exists_plain(stage.path, CHECKPOINT):
-        seed(stage.path)
+    if finished is not None and not exists_plain(stage.path, CHECKPOINT):
+        for part in walk(one.folder / TAKE):
+            # A chunk is never written again.
+            is_chunk = part.rpartition("/")[2][0].isdecimal()
+            copy_plain(one.folder / TAKE / part, stage.path, f"{TAKE}.partial/{part}", link=is_chunk)
+        write_checkpoint(stage.path, replace(finished, origin=origin.checksum))
     # What is half-written.
     remove_plain(stage.path, [name for name in walk(stage.path) if name.endswith((".part", ".partial"))])
-    begun = _find_begun(one, origin) if stage.goes_on or seed is not None else None
-    for name in () if begun else (TAKE, f"{TAKE}.partial"):
-        if is_folder(stage.path, name):
-            remove_tree(stage.path, name)
+    begun = _find_begun(one, origin) if stage.goes_on or finished is not None else None
     one.clock.lap("prepare")
     try:
         with under_way():
@@ -227,11 +271,13 @@ def _find_begun(one: Run, origin: Origin) -> Checkpoint | None:
     return begun
 
 
-def _draw(one: Run) -> Crowd:
+def _draw(one: Run, policies: Sequence[Policy] | None = None) -> Crowd:
     """Return the crowd of a checked scenario; its policies are found or trained once its avatars are placed."""
     from crowdsim.crowd.draw import draw_crowd
     from crowdsim.crowd.placement import place_groups
 
+    if policies is not None:
+        return draw_crowd(one.scenario, policies)
     scenario = one.scenario
     placed = place_groups(scenario)
     for event in scenario.place(late_events(scenario)):
@@ -242,10 +288,15 @@ def _draw(one: Run) -> Crowd:
         warnings = policy_warnings(scenario, {policy.name: policy.statistics for policy in policies})
         for warning in scenario.place(warnings):
             one.notify(str(warning))
-    return draw_crowd(scenario, policies, placed)
+    if one.more is not None:
+        length, is_seconds = one.more
+        more = max(1, round(length * (float(policies[0].database.control_rate) if is_seconds else 1.0)))
+        frames = int(read_manifest(one.folder, ("control_frames",))["control_frames"])
+        one.scenario = scenario.model_copy(update={"duration": frames + more})
+    return draw_crowd(one.scenario, policies, placed)
 
 
-def plan_run(one: Run, crowd: Crowd) -> Plan:
+def plan_run(one: Run, crowd: Crowd) -> set[str]:
     """Return the names of all files that a run writes.
 
     Raises:
@@ -257,16 +308,13 @@ def plan_run(one: Run, crowd: Crowd) -> Plan:
     names, wanted = crowd.cast.names.tolist(), scenario.outputs.wanted()
     extent = Extent(len(names), crowd.frames, crowd.rate, area_of(pack_obstacles(scenario, None)))
     scenario.refuse([output.place(finding) for output in wanted for finding in output.findings_for(extent)])
-    plan = Plan.of(wanted, extent, names)
-    count = sum(plan.counts().values())
-    if count > MOST_FILES:
-        raise ScenarioError(f"{scenario.name}: outputs are {count:,} files, expected at most {MOST_FILES:,}")
-    places = {*plan.counts(), TAKE, RESOLVED, MANIFEST, CHECKPOINT, NOTE, OUTPUTS, *LOCKS}
+    plan = planned_files(wanted, extent, names, scenario.name) | {CHECKPOINT, MANIFEST, RESOLVED, TAKE}
+    places = {name.split("/")[0] for name in plan} | {NOTE, OUTPUTS, *LOCKS}
     for name in _inputs(scenario)[1:]:
         if name.split("/")[0] in places:
             what = f"reads {name!r}, which would lie in {one.folder} where the run writes; expected another file name"
             raise ScenarioError(f"{scenario.name}: {what}")
-    return Plan({*plan.files, CHECKPOINT, MANIFEST, *_inputs(scenario)}, plan.series, (TAKE,))
+    return plan | set(_inputs(scenario))
 
 
 def _inputs(scenario: Scenario) -> list[str]:
@@ -276,43 +324,31 @@ def _inputs(scenario: Scenario) -> list[str]:
 
 def _write(one: Run, crowd: Crowd, origin: Origin, begun: Checkpoint | None, stage: Stage) -> None:
     """Write everything into the stage of a run, or what is missing there, and put it in its place."""
+    from crowdsim.runs.recording import write_take
+
     work, scenario = one.work, one.scenario
     write_plain(work, RESOLVED, origin.scenario)
     for name in scenario.files:
         copy_plain(scenario.folder / name, work, PurePosixPath(name).as_posix())
-    take, timings = _write_take(one, crowd, origin, begun)
+    take, timings = write_take(one, crowd, origin.checksum, begun)
+    one.clock.lap("take")
     outputs = _write_outputs(one, take, crowd.policies, timings)
-    for kind, (place, files) in outputs.items():
-        size = sum(path.stat().st_size for path in files)
-        one.report.outputs[kind] = (one.folder / place.relative_to(work), len(files), size)
     one.advance_outputs("checksums", 0, 1)
-    names = [path.relative_to(work).as_posix() for _, files in outputs.values() for path in files]
-    names += [CHECKPOINT, *_inputs(scenario), *(f"{TAKE}/{name}" for name in walk(work / TAKE))]
-    hashes = checksums(work, names, one.threads)
+    parts = [f"{TAKE}/{name}" for name in walk(work / TAKE)]
+    names = [name for _, names in outputs.values() for name in names]
+    hashes = checksums(work, [*names, *parts, CHECKPOINT, *_inputs(scenario)], one.threads)
+    one.report.outputs["take"] = one.folder / TAKE, 1, sum(hashes[name]["bytes"] for name in parts)
+    for kind, (place, names) in outputs.items():
+        one.report.outputs[kind] = one.folder / place, len(names), sum(hashes[name]["bytes"] for name in names)
     one.clock.lap("checksums")
     stage.publish(_manifest(one, crowd, origin), hashes)
     one.advance_outputs("checksums", 1, 1)
 
 
-def _write_take(one: Run, crowd: Crowd, origin: Origin, begun: Checkpoint | None) -> tuple[Take, Array | None]:
-    """Simulate and write the take as it comes; return it, and what control cost where that is wanted."""
-    from crowdsim.crowd.statistics import StatisticsCounter
-    from crowdsim.runs.recording import write_take
-
-    path = one.work / TAKE
-    counter = StatisticsCounter(crowd.policies, crowd.cast.policies, crowd.cast.widths, crowd.frames)
-    take, timings = write_take(one, crowd, origin.checksum, begun, counter)
-    size = sum(stat_plain(path, name).st_size for name in walk(path))
-    one.report.outputs["take"] = (one.folder / TAKE, 1, size)
-    one.report.statistics = counter.finish()
-    one.clock.lap("take")
-    return take, timings
-
-
 def _write_outputs(
     run: Run, take: Take, policies: Sequence[Policy], timings: Array | None
-) -> dict[str, tuple[Path, list[Path]]]:
-    """Write the outputs that a run's scenario asks for from its take; return the files of each, and where they are.
+) -> dict[str, tuple[str, list[str]]]:
+    """Write the outputs that a run's scenario asks for from its take; return where each is, and its files.
 
     Files that are there already are whole, and are not written again.
 
@@ -326,21 +362,20 @@ def _write_outputs(
     arena = pack_arena(run.scenario.arena)
     obstacles = pack_obstacles(run.scenario, None)
     done = FinishedTake(take, policies, run.work, run.threads, run.advance_outputs, arena, timings, obstacles)
-    found: dict[str, tuple[Path, list[Path]]] = {}
+    found: dict[str, Sequence[Path]] = {}
     wanted = run.scenario.outputs.wanted()
     posed = [output for output in wanted if isinstance(output, PosedOutput)]
     if posed:
         sampler = PoseSampler(take, policies, run.threads, obstacles=obstacles)
-        for kind, files in write_posed(sampler, run.work, posed, run.threads, run.advance_outputs).items():
-            found[kind] = run.work / kind, files
+        found |= write_posed(sampler, run.work, posed, run.threads, run.advance_outputs)
         run.clock.lap("export")
     for output in wanted:
-        files = [] if isinstance(output, PosedOutput) else output.write(done)
-        if files:
-            # One file is named, of several the folder that they are in.
-            found[output.label or output.name] = Path(commonpath(files)), files
+        if not isinstance(output, PosedOutput) and (files := output.write(done)):
+            found[output.label or output.name] = files
             run.clock.lap(output.stage)
-    return {kind: (place, files) for kind, (place, files) in found.items() if files}
+    names = {kind: [path.relative_to(run.work).as_posix() for path in files] for kind, files in found.items() if files}
+    # One file is named, of several the folder that they are in.
+    return {kind: (commonpath(files), files) for kind, files in names.items()}
 
 
 def _manifest(one: Run, crowd: Crowd, origin: Origin) -> dict[str, Any]:
@@ -377,6 +412,8 @@ def bundle_folders(names: Sequence[str]) -> dict[str, str]:
 
 def _done_before(one: Run) -> Report:
     one.report.done_before = True
+    if one.more is not None:
+        one.tell(f"{one.folder}: the extension that was interrupted is complete")
     for line in _changed_policies(one.folder):
         one.tell(line)
     return one.report

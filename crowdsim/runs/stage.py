@@ -8,9 +8,8 @@ comes last; where the process ends on the way, the next command that writes comp
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from contextlib import AbstractContextManager, contextmanager
 from os.path import lexists, realpath
 from pathlib import Path
 from time import perf_counter
@@ -18,9 +17,9 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from crowdsim.config.documents import parse_json
-from crowdsim.errors import OutputError, TakeError, under_way
+from crowdsim.errors import OutputError, ScenarioError, TakeError, under_way
 from crowdsim.files import (
-    NotPlainError,
+    Writing,
     entries,
     exists_plain,
     is_folder,
@@ -30,7 +29,6 @@ from crowdsim.files import (
     read_plain,
     remove_plain,
     remove_tree,
-    stat_plain,
     sync_disk,
     sync_folder,
     walk,
@@ -49,8 +47,7 @@ from crowdsim.runs.manifest import (
     Ledger,
     checksum,
     checksums,
-    is_unchanged,
-    is_written,
+    difference,
     read_ledger,
     read_manifest,
     signed_text,
@@ -62,72 +59,29 @@ FORMAT = "crowdsim-stage"
 TAKE = "take.zarr"
 _OLD = "old.zarr"
 """What a take that is replaced is called until its stage goes."""
+MOST_FILES = 200_000
+"""Most files of outputs, so that a manifest can list them all."""
 _SLOW = 10.0
 """From how long on work is worth a wait for the disk [s]."""
 
 
-@dataclass
-class Plan:
-    """Names of the files that a command may write into a folder.
+def planned_files(outputs: Iterable[Output], extent: Extent, avatars: Sequence[str], scenario: str) -> set[str]:
+    """Return the names of all files that outputs of a take may have.
 
-    Attributes:
-        files: Single files.
-        series: Numbered files: their folder, numbers and suffix.
-        trees: Folders that the command fills.
+    Args:
+        outputs: The outputs.
+        extent: How much there is of the take.
+        avatars: Names of its avatars.
+        scenario: Name of its scenario, for messages.
+
+    Raises:
+        ScenarioError: There are too many for a list of them.
     """
-
-    files: set[str] = field(default_factory=set)
-    series: list[tuple[str, range, str]] = field(default_factory=list)
-    trees: tuple[str, ...] = ()
-
-    @classmethod
-    def of(cls, outputs: Iterable[Output], extent: Extent, avatars: Sequence[str]) -> Plan:
-        """Return the names of all files that outputs of a take may have; ``avatars`` are those of its avatars."""
-        named = [one for output in outputs for one in output.files(extent, avatars)]
-        series = [one for one in named if isinstance(one, Series)]
-        return cls({one for one in named if not isinstance(one, Series)}, [*series])
-
-    def __contains__(self, name: str) -> bool:
-        """Whether a file is one of them."""
-        above, _, last = name.rpartition("/")
-        digits, _, suffix = last.partition(".")
-        if name in self.files or any(name.startswith(f"{tree}/") for tree in self.trees):
-            return True
-        if not (digits.isascii() and digits.isdecimal()) or len(digits) > 12 or digits != f"{int(digits):06d}":
-            return False
-        return any((above, suffix) == (place, kind) and int(digits) in numbers for place, numbers, kind in self.series)
-
-    def below(self, above: str) -> Plan:
-        """Return the plan in a folder that holds its folder, by the name of that one."""
-        if above in ("", "."):
-            return self
-        files = {f"{above}/{name}" for name in self.files}
-        return Plan(files, [(f"{above}/{place}", *rest) for place, *rest in self.series], self.trees)  # type: ignore[misc]
-
-    def counts(self) -> dict[str, int]:
-        """Return the number of files by the top folder they are in, or their name without one."""
-        found: dict[str, int] = {}
-        for name in self.files:
-            found[name.split("/")[0]] = found.get(name.split("/")[0], 0) + 1
-        for place, numbers, _ in self.series:
-            found[place.split("/")[0]] = found.get(place.split("/")[0], 0) + len(numbers)
-        return found
-
-    def obstacle(self, names: Iterable[str]) -> str | None:
-        """Return what of some files is in the way of the planned ones: one of their names, or one of a folder."""
-        planned = {place for place, _, _ in self.series} | set(self.trees)
-        for name in [*self.files, *planned]:
-            above = name.rpartition("/")[0]
-            while above and above not in planned:
-                planned.add(above)
-                above = above.rpartition("/")[0]
-        for name in names:
-            parts = name.split("/")
-            way = ("/".join(parts[:depth]) for depth in range(1, len(parts) + 1))
-            found = next((part for part in way if part in self), None)
-            if found is not None or name in planned:
-                return found or name
-        return None
+    named = [one for output in outputs for one in output.files(extent, avatars)]
+    count = sum(len(one.numbers) if isinstance(one, Series) else 1 for one in named)
+    if count > MOST_FILES:
+        raise ScenarioError(f"{scenario}: outputs are {count:,} files, expected at most {MOST_FILES:,}")
+    return {name for one in named for name in (one.names() if isinstance(one, Series) else [one])}
 
 
 class Stage(NamedTuple):
@@ -187,7 +141,7 @@ def open_stage(
     path = base / name
     try:
         note = read_note(path)
-        if note is None and lexists(path) and not _is_empty(base, name):
+        if note is None and lexists(path):
             raise OutputError(f"{path}: is in the way, and no command of crowdsim has made it; move it")
         goes_on = note is not None and note["key"] == key and not anew
         if note is not None and not goes_on:
@@ -204,11 +158,6 @@ def open_stage(
     return Stage(base, path, goes_on, perf_counter())
 
 
-def _is_empty(base: Path, name: str) -> bool:
-    """Whether a stage holds nothing, or half of a note: its command was killed as it began or ended."""
-    return is_folder(base, name) and all(held == f".{NOTE}.part" for held in walk(base / name))
-
-
 def read_note(path: Path) -> dict[str, Any] | None:
     """Return the note of a stage; None where there is none, or it is damaged."""
     try:
@@ -223,16 +172,6 @@ def read_note(path: Path) -> dict[str, Any] | None:
     return document if texts and document.get("checksum") == checksum(document) else None
 
 
-def stages(base: Path) -> list[Path]:
-    """Return the stages in a folder that commands have left or are at work in."""
-    return [base / name for name in STAGES if is_folder(base, name) and read_note(base / name) is not None]
-
-
-def is_complete(stage: Path) -> bool:
-    """Whether all files of a stage are whole, and wait to be put in their places."""
-    return any(exists_plain(stage, name) for name in (NAME, OUTPUTS))
-
-
 def discard(base: Path, name: str) -> None:
     """Remove a stage; its note goes last.
 
@@ -245,32 +184,36 @@ def discard(base: Path, name: str) -> None:
     remove_tree(base, name)
 
 
-def complete(base: Path) -> list[str]:
-    """Complete what waits to be put in its place in a folder that this process holds; return the names of the stages.
+def _state(base: Path, name: str) -> str:
+    """Return how far a stage is: ``begun``, ``whole``, or ``over``, of which only rests are there; else nothing."""
+    path = base / name
+    if not is_folder(base, name):
+        return ""
+    note = read_note(path)
+    if note is None:
+        # Its command was killed as it began or ended, or it is no stage.
+        return "over" if all(held == f".{NOTE}.part" for held in walk(path)) else ""
+    if exists_plain(path, NAME) or exists_plain(path, OUTPUTS):
+        return "whole"
+    return "over" if note.get("done") else "begun"
+
+
+def complete(base: Path) -> None:
+    """Complete what waits to be put in its place in a folder that this process holds.
 
     Raises:
         TakeError: A list of files is damaged.
         OutputError: Files cannot be moved, or something is in their way.
     """
-    found = []
-    for name in _empty_stages(base):
-        with suppress(OSError):
-            remove_tree(base, name)
-    for stage in stages(base):
-        note = read_note(stage) or {}
-        try:
-            if is_complete(stage):
-                _put_in_place(base, stage, note)
-                found.append(stage.name)
-            elif note.get("done"):
-                discard(base, stage.name)
-        except OSError as error:
-            raise OutputError(f"{error.filename or base}: cannot be replaced: {error.strerror or error}") from None
-    return found
-
-
-def _empty_stages(base: Path) -> list[str]:
-    return [name for name in STAGES if _is_empty(base, name)]
+    try:
+        for name in STAGES:
+            state = _state(base, name)
+            if state == "whole":
+                _put_in_place(base, base / name)
+            elif state == "over":
+                discard(base, name)
+    except OSError as error:
+        raise OutputError(f"{error.filename or base}: cannot be replaced: {error.strerror or error}") from None
 
 
 def complete_alone(base: Path) -> None:
@@ -280,20 +223,17 @@ def complete_alone(base: Path) -> None:
         TakeError: A list of files is damaged.
         OutputError: Files cannot be moved, or another process holds the folder.
     """
-    left = any(is_complete(stage) or (read_note(stage) or {}).get("done") for stage in stages(base))
-    if left or _empty_stages(base) or (exists_plain(base, LOCK) and find_owner(base) is None):
+    left = any(_state(base, name) in ("whole", "over") for name in STAGES)
+    if left or (exists_plain(base, LOCK) and find_owner(base) is None):
         with hold_folder(base):
             complete(base)
 
 
-def _put_in_place(base: Path, stage: Path, note: Mapping[str, Any]) -> None:
+def _put_in_place(base: Path, stage: Path) -> None:
     new, old = read_ledger(stage), read_ledger(base)
     staged = [name for name in new.files if exists_plain(stage, name)]
     takes = is_folder(stage, TAKE)
-    for name in [
-        *staged,
-        *(f"{TAKE}/{name}" for name in (walk(base / TAKE) if takes and is_folder(base, TAKE) else ())),
-    ]:
+    for name in [*staged, *(walk(base, TAKE) if takes and is_folder(base, TAKE) else ())]:
         if name not in old.files and exists_plain(base, name):
             raise OutputError(_in_the_way(base / name))
     for name in staged:
@@ -304,13 +244,10 @@ def _put_in_place(base: Path, stage: Path, note: Mapping[str, Any]) -> None:
             move_plain(base, TAKE, stage, _OLD)
         move_plain(stage, TAKE, base)
     for name in sorted(set(old.files) - set(new.files)):
-        # A name that any user's file may have, since a scenario reads it or the folder is a user's: the very file.
-        with suppress(NotPlainError, FileNotFoundError):
-            size = stat_plain(base, name).st_size
-            by_us = size == old.files[name]["bytes"] and old.name == NAME and is_written(name)
-            if by_us or is_unchanged(base, name, old.files[name]):
-                remove_plain(base, [name])
-    write_plain(stage, NOTE, signed_text({**note, "done": True}))
+        # Any file of a user may have come in its place.
+        if not difference(base, name, old.files[name]):
+            remove_plain(base, [name])
+    write_plain(stage, NOTE, signed_text({**(read_note(stage) or {}), "done": True}))
     move_plain(stage, new.name, base)
     if new.name == NAME:
         remove_plain(base, [OUTPUTS])
@@ -323,48 +260,53 @@ def _in_the_way(path: Path) -> str:
     return f"{path}: {what}; move it, or name another folder with --out"
 
 
-def refuse_others(base: Path, plan: Plan, ledger: Ledger) -> None:
+def refuse_others(base: Path, planned: Set[str], ledger: Ledger) -> None:
     """Raise an error where a folder holds files that no command has written in the places of planned ones, or links.
+
+    Args:
+        base: The folder.
+        planned: Names of the files; ``TAKE`` stands for all that a take holds.
+        ledger: What commands have written there.
 
     Raises:
         OutputError: There is one.
     """
+    folders = {""}
+    for name in planned:
+        while (name := name.rpartition("/")[0]) not in folders:
+            folders.add(name)
     try:
-        held = [name for name in walk(base) if name not in ledger.files and name.split("/")[0] not in STAGES]
-        # A folder may be in the place of a file, even an empty one.
-        held += [name for name in plan.files if is_folder(base, name)]
-        held += [
-            name for name in ledger.files if name in plan and not exists_plain(base, name) and lexists(base / name)
-        ]
+        held = {name for name in walk(base) if name not in ledger.files and name.split("/")[0] not in STAGES}
+        # A folder may be in the place of a file, even an empty one; and a link in that of one of ours.
+        held |= {name for name in planned - {TAKE} if is_folder(base, name)}
+        held |= {
+            name for name in planned & ledger.files.keys() if not exists_plain(base, name) and lexists(base / name)
+        }
     except OSError as error:
         raise OutputError(f"{error.filename or base}: cannot be read: {error.strerror or error}") from None
-    found = plan.obstacle(sorted(set(held) - {NAME, OUTPUTS, *LOCKS}))
-    if found is not None:
-        raise OutputError(_in_the_way(base / found))
+    for name in sorted(held - {NAME, OUTPUTS, *LOCKS}):
+        if name in planned or name in folders or (TAKE in planned and name.startswith(f"{TAKE}/")):
+            raise OutputError(_in_the_way(base / name))
 
 
-def find_base(folder: Path) -> tuple[Path, str]:
-    """Return the run folder that a folder is, or is in, without links, and its name there; itself where there is none.
+def find_base(folder: Path) -> tuple[Path, str] | None:
+    """Return the run folder that a folder is, or is in, without links, and its name there; None where there is none.
 
     Raises:
-        TakeError: There is one whose manifest is damaged.
+        TakeError: Its own manifest is damaged.
     """
     here = Path(realpath(folder))
     for above in (here, *here.parents):
-        if exists_plain(above, NAME):
-            try:
-                read_manifest(above)
-            except ForeignManifestError:
-                continue
-            except TakeError:
-                # Further up, files may belong to others.
-                if above == here:
-                    raise
-                continue
-        elif read_note(above / RUN) is None:
+        try:
+            is_run = read_note(above / RUN) is not None or (exists_plain(above, NAME) and bool(read_manifest(above)))
+        except TakeError as error:
+            # It may belong to another program, and what is further up to others.
+            if above == here and not isinstance(error, ForeignManifestError):
+                raise
             continue
-        return (folder if above == here else above), here.relative_to(above).as_posix().removeprefix(".")
-    return folder, ""
+        if is_run:
+            return (folder if above == here else above), here.relative_to(above).as_posix().removeprefix(".")
+    return None
 
 
 class Wanted(NamedTuple):
@@ -373,28 +315,16 @@ class Wanted(NamedTuple):
     Attributes:
         stage: Name of its stage.
         asked: What a reader should know of the files, by what they are: an output, or another word.
-        plan: Names of the files; anything that the command writes when None.
+        files: Their names; anything that the command writes when None.
         made_from: What else they depend on.
         replaces: Folders whose files before are removed.
     """
 
     stage: str
     asked: Mapping[str, Mapping[str, Any]]
-    plan: Plan | None = None
+    files: Set[str] | None = None
     made_from: Mapping[str, Any] = MappingProxyType({})
     replaces: Sequence[str] = ()
-
-
-class Writing(NamedTuple):
-    """What a command that writes into a folder works with.
-
-    Attributes:
-        folder: Where its files go until they are whole.
-        done: The files in their places where the same command has written them before, and nothing is to be done.
-    """
-
-    folder: Path
-    done: tuple[Path, ...] = ()
 
 
 @contextmanager
@@ -415,85 +345,78 @@ def write_together(
         OutputError: The folder is in use, is another run's, holds files of these names, or cannot be written.
         RunError: A file cannot be written.
     """
-    base, above = find_base(out)
-    is_run = base != out or exists_plain(base, NAME) or read_note(base / RUN) is not None
-    own = run is not None and is_run and realpath(run) == realpath(base)
-    if run is not None and is_run and not own:
+    found = find_base(out)
+    base, above = found or (out, "")
+    own = found is not None and run is not None and realpath(run) == realpath(base)
+    if found is not None and run is not None and not own:
         raise OutputError(f"{out}: is in the folder of another run, {base}; expected another folder")
-    stage, plan = wanted.stage, wanted.plan
     key = checksum({"asked": wanted.asked, "from": dict(wanted.made_from)})
-    names = {f"{above}/{label}" if above else label: facts for label, facts in wanted.asked.items()}
+    inside = f"{above}/" if above else ""
+    asked = {f"{inside}{label}": facts for label, facts in wanted.asked.items()}
+    mine = None if wanted.files is None else {f"{inside}{name}" for name in wanted.files}
     with hold_folder(base):
         complete(base)
         ledger = read_ledger(base)
         exports = ledger.document.get("exports", {})
-        mine = plan and plan.below(above)
-        before = [exports.get(name, {}) for name in names]
+        before = [exports.get(name, {}) for name in asked]
         if not force and all(facts.get("key") == key for facts in before):
             there = [name for name in ledger.files if name in (mine or before[0].get("files", ()))]
             if there and all(exists_plain(base, name) for name in there):
-                if read_note(base / stage) is not None:
-                    discard(base, stage)
+                if read_note(base / wanted.stage) is not None:
+                    discard(base, wanted.stage)
                 yield Writing(base / above, tuple(base / name for name in there))
                 return
         if mine is not None:
             _refuse(base, mine, ledger, force or (own and not above))
-        held = open_stage(base, stage, key)
+        stage = open_stage(base, wanted.stage, key)
         try:
             with under_way():
-                make_folder(held.path / above)
-                yield Writing(held.path / above)
+                make_folder(stage.path / above)
+                yield Writing(stage.path / above)
+            written = sorted(name for name in walk(stage.path) if (name != NOTE if mine is None else name in mine))
+            if mine is None:
+                _refuse(base, set(written), ledger, force)
         except BaseException:
             if mine is None:
                 # Nothing goes on with it.
-                discard(base, stage)
+                discard(base, wanted.stage)
             raise
-        written = sorted(name for name in walk(held.path) if (name in mine if mine else name != NOTE))
-        if mine is None:
-            try:
-                _refuse(base, Plan(set(written)), ledger, force)
-            except OutputError:
-                discard(base, stage)
-                raise
-        gone = {f"{above}/{place}" if above else place for place in wanted.replaces}
+        gone = {f"{inside}{place}" for place in wanted.replaces}
         kept = {name: facts for name, facts in ledger.files.items() if name.rpartition("/")[0] not in gone}
-        more = {"key": key, **({} if mine else {"files": written})}
-        report = {**ledger.document, "exports": {**exports, **{name: {**names[name], **more} for name in names}}}
+        more = {"key": key, **({"files": written} if mine is None else {})}
+        report = {**ledger.document, "exports": {**exports, **{name: {**asked[name], **more} for name in asked}}}
         with under_way():
-            held.publish(report, {**kept, **checksums(held.path, written, threads)}, ledger.name)
+            stage.publish(report, {**kept, **checksums(stage.path, written, threads)}, ledger.name)
 
 
-def _refuse(base: Path, plan: Plan, ledger: Ledger, may_replace: bool) -> None:
+def _refuse(base: Path, planned: Set[str], ledger: Ledger, may_replace: bool) -> None:
     """Raise an error where planned files cannot take their places; what crowdsim has written may be replaced or not."""
-    refuse_others(base, plan, ledger)
-    there = None if may_replace else next((name for name in sorted(ledger.files) if name in plan), None)
+    refuse_others(base, planned, ledger)
+    there = None if may_replace else min(planned & ledger.files.keys(), default=None)
     if there is not None:
         raise OutputError(f"{base / there}: is there already; --force replaces what crowdsim has written")
 
 
-@contextmanager
 def write_pictures(
     out: Path,
     planned: Sequence[Path],
-    drawn: Mapping[str, Any],
     mark: str,
+    drawn: Mapping[str, Any],
     run: Path | None = None,
     force: bool = False,
     threads: int = 1,
-) -> Iterator[Writing]:
-    """Let a rendering write into a folder, see ``write_together``.
+) -> AbstractContextManager[Writing]:
+    """Let a rendering write into a folder; further arguments and errors are those of ``write_together``.
 
     Args:
         out: The folder.
         planned: All files that it writes there.
-        drawn: What a reader should know of them.
         mark: What the pictures depend on.
+        drawn: What a reader should know of them.
         run: The run that they are of; None for other sources.
         force: Whether pictures in another folder may be replaced.
         threads: Threads that sum up files.
     """
     names = {path.relative_to(out).as_posix() for path in planned}
-    made_from = {"mark": mark, "files": sorted(names)}
-    wanted = Wanted(PICTURES, {"pictures": drawn}, Plan(names), made_from)
-    with write_together(out, wanted, run, force, threads) as writing:
-        yield writing
+    wanted = Wanted(PICTURES, {"pictures": drawn}, names, {"mark": mark, "files": sorted(names)})
+    return write_together(out, wanted, run, force, threads)

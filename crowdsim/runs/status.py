@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from crowdsim.errors import TakeError
-from crowdsim.files import exists_plain, walk
+from crowdsim.files import exists_plain, is_folder, walk
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.checkpoint import frames_done
 from crowdsim.runs.folder import RESOLVED
@@ -46,15 +47,10 @@ def describe_run(folder: Path) -> dict[str, Any]:
                 facts["extension"] = _describe_growing(folder / RUN)
             return facts
         if note is None:
-            return _describe_take(folder) if (folder / TAKE).exists() else {"state": "none"}
-        planned = note.get("planned")
-        planned = (
-            {str(kind): count for kind, count in planned.items() if type(count) is int}
-            if isinstance(planned, dict)
-            else {}
-        )
-        counts = _count(walk(folder / RUN))
-        outputs = {kind: {"done": counts.get(kind, 0), "planned": count} for kind, count in sorted(planned.items())}
+            return _describe_take(folder) if is_folder(folder, TAKE) else {"state": "none"}
+        counts, planned = _count(walk(folder / RUN)), note.get("planned")
+        listed = sorted(planned.items()) if isinstance(planned, dict) else ()
+        outputs = {str(kind): {"done": counts[kind], "planned": most} for kind, most in listed if type(most) is int}
         facts = _describe_growing(folder / RUN)
         return {"state": "running" if at_work else "interrupted", **facts, "outputs": outputs, **at_work}
     except (TakeError, OSError) as error:
@@ -70,7 +66,7 @@ def _describe_take(folder: Path) -> dict[str, Any]:
 
 def _describe_growing(folder: Path) -> dict[str, Any]:
     """Return how far a take is that is not finished, or whose outputs are not."""
-    name = TAKE if (folder / TAKE).exists() else f"{TAKE}.partial"
+    name = TAKE if is_folder(folder, TAKE) else f"{TAKE}.partial"
     if not exists_plain(folder, f"{name}/.zattrs") or not exists_plain(folder, f"{name}/x/.zarray"):
         return {"control_frames": 0}
     attributes = read_model(folder / name, ".zattrs", TakeAttributes)
@@ -81,11 +77,6 @@ def _describe_growing(folder: Path) -> dict[str, Any]:
     return {"avatars": avatars, "control_frames": frames_done(folder), "planned_frames": planned}
 
 
-def _count(names: Iterable[str]) -> dict[str, int]:
+def _count(names: Iterable[str]) -> Counter[str]:
     """Return the number of whole files by their top folder, or their name without one."""
-    counts: dict[str, int] = {}
-    for name in names:
-        top, _, last = name.partition("/")
-        if not last.startswith("."):
-            counts[top] = counts.get(top, 0) + 1
-    return counts
+    return Counter(name.split("/")[0] for name in names if not name.split("/", 1)[-1].startswith("."))

@@ -41,10 +41,6 @@ class TakeCollector:
         """Finish the take."""
         self._status = status
 
-    def abandon(self) -> None:
-        """Forget what has been collected."""
-        self._chunks, self._events, self._targets = [], [], []
-
     def take(self) -> Take:
         """Return the finished take."""
         header = self._header

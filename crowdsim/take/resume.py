@@ -86,24 +86,23 @@ def written_strikes(writer: Writing) -> tuple[Array, Array]:
 
 
 def restore_writer(writer: Writing, state: Mapping[str, Array]) -> None:
-    """Give a writer what another one held; the chunks on disk are those that this one wrote.
+    """Give a writer what another one held, see ``check_writer``; the chunks on disk are those that this one wrote.
 
     Raises:
-        ArrayFault: Something is missing, or not what it must be.
+        ArrayFault: Frames are not of its avatars and targets.
     """
-    check_writer(state)
     writer.done, writer.events_done = int(state["frames"]), int(state["events"])
     if len(state["frames.action"]):
-        targets = writer.group["target"].shape[1] if "target" in writer.names else 0
-        found = state["frames.target"].shape[1] if "frames.target" in state else 0
-        if found != targets:
-            raise ArrayFault("frames.target", f"has {found} targets, expected {targets}")
-        writer.kept = [{name: state[f"frames.{name}"] for name in writer.names}]
+        writer.kept = [{name: state.get(f"frames.{name}", np.zeros((0, 0))) for name in writer.names}]
+        for name, rows in writer.kept[0].items():
+            if rows.shape[1:] != writer.group[name].shape[1:]:
+                what = f"has {rows.shape[1:]} values a frame, expected {writer.group[name].shape[1:]}"
+                raise ArrayFault(f"frames.{name}", what)
     writer.kept_events = [Events(**{name: state[f"events.{name}"] for name in EVENTS})]
 
 
 def check_writer(state: Mapping[str, Array]) -> None:
-    """Hold what a writer held against its table, but for what depends on avatars and policies.
+    """Check what a writer held by its table, but for what depends on avatars and policies.
 
     Raises:
         ArrayFault: It is something else.

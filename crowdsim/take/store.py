@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import OutputError, TakeError
-from crowdsim.files import UNFINISHED, make_folder, move_plain, remove_tree
+from crowdsim.files import UNFINISHED, exists_plain, is_folder, make_folder, move_plain, remove_tree
 from crowdsim.take.header import TakeHeader
 from crowdsim.take.layout import (
     AVATARS_A_CHUNK,
@@ -29,7 +29,7 @@ from crowdsim.take.layout import (
 )
 from crowdsim.take.metadata import check_files
 from crowdsim.take.reading import read_take
-from crowdsim.take.resume import read_writer, reopen_take, restore_writer
+from crowdsim.take.resume import check_writer, read_writer, reopen_take, restore_writer
 from crowdsim.take.take import VARIABLES, Events, Take
 
 
@@ -63,18 +63,20 @@ class TakeWriter:
         self.kept: list[dict[str, Array]] = []
         self.kept_events: list[Events] = []
 
-    def open(self) -> TakeWriter:
-        """Make the folder, write what is constant, and return the writer.
+    def open(self, anew: bool = False) -> TakeWriter:
+        """Make the folder, write what is constant, and return the writer; ``anew`` removes what an earlier one left.
 
         Raises:
             OutputError: The folder cannot be written, or a take is there already.
         """
         import zarr
 
-        for taken in (self.path, self._partial):
-            if os.path.lexists(taken):
-                raise OutputError(f"{taken}: is there already, expected a new name for the take")
         with self._writing():
+            for taken in (self.path, self._partial):
+                if os.path.lexists(taken) and not anew:
+                    raise OutputError(f"{taken}: is there already, expected a new name for the take")
+                if os.path.lexists(taken):
+                    remove_tree(taken.parent, taken.name)
             make_folder(self._partial)
             self.group = zarr.open_group(str(self._partial), mode="w", **_format_two())
             self._begin()
@@ -84,20 +86,19 @@ class TakeWriter:
         """Go on with the take that is there, from what ``state`` returned, and return the writer.
 
         Raises:
-            TakeError: It is missing, or chunks of it are; it stays.
+            TakeError: It is missing, or chunks of it are, or the state is of no take; it stays.
             OutputError: It cannot be written.
         """
-        if int(state["frames"]) == int(state["events"]) == 0:
-            # Nothing on disk is needed, and chunks may have been made for a shorter run.
-            self.abandon()
-            _remove(self.path)
-            self.open()
-        else:
-            self.chunk = int(state["chunk"])
-        with self._writing():
-            self.group = reopen_take(self.path, self._partial, self.names, state)
-            self.group.attrs.put(self._header.attributes(self._frames))
         try:
+            check_writer(state)
+            if int(state["frames"]) == int(state["events"]) == 0:
+                # Nothing on disk is needed, and chunks may have been made for a shorter run.
+                self.open(anew=True)
+            else:
+                self.chunk = int(state["chunk"])
+            with self._writing():
+                self.group = reopen_take(self.path, self._partial, self.names, state)
+                self.group.attrs.put(self._header.attributes(self._frames))
             restore_writer(self, state)
         except ValueError as error:
             raise TakeError(f"{self.path}: cannot be continued: {error}") from None
@@ -252,16 +253,6 @@ class TakeWriter:
         except OSError as error:
             raise OutputError(f"{self.path}: cannot be written: {error.strerror or error}") from None
 
-    def abandon(self) -> None:
-        """Remove what has been written."""
-        _remove(self._partial)
-
-
-def _remove(path: Path) -> None:
-    """Remove a take, or one that grows; what cannot be removed stays."""
-    with suppress(OSError):
-        remove_tree(path.parent, path.name)
-
 
 def _format_two() -> dict[str, Any]:
     """Ask for Zarr's format 2, the only one of older versions of the library."""
@@ -285,15 +276,16 @@ def open_take(path: FileName) -> Take:
             links or devices; or its names are none that a scenario could have.
     """
     folder = Path(path)
-    if not (folder / "take.zarr").exists() and (folder / UNFINISHED / "take.zarr").exists():
-        folder = folder / UNFINISHED
-    if not (folder / ".zgroup").exists() and (folder / "take.zarr").exists():
-        folder = folder / "take.zarr"
-        if folder.is_symlink():
-            raise TakeError(f"{folder}: is a symbolic link, expected the take itself; links are not followed")
-    if not (folder / ".zgroup").exists():
+    if not exists_plain(folder, ".zgroup"):
+        if (folder / "take.zarr").is_symlink():
+            raise TakeError(
+                f"{folder / 'take.zarr'}: is a symbolic link, expected the take itself; links are not followed"
+            )
+        inside = ("take.zarr", f"{UNFINISHED}/take.zarr")
+        folder = next((folder / name for name in inside if is_folder(folder, name)), folder)
+    if not exists_plain(folder, ".zgroup"):
         found = "; expected take.zarr"
-        if (folder / "take.zarr.partial").exists() or (folder / UNFINISHED / "take.zarr.partial").exists():
+        if any(is_folder(folder, name) for name in ("take.zarr.partial", f"{UNFINISHED}/take.zarr.partial")):
             found = ", only what a run left that was killed; run its scenario again with --force or another --out"
         raise TakeError(f"{folder}: no take here{found}")
     try:

@@ -109,6 +109,31 @@ def test_files_outside_are_not_moved_through_links_in_a_stage(place: Path, stage
     assert not (place / "run" / "bvh" / "red_0.bvh").is_symlink()
 
 
+@pytest.mark.parametrize("link", [RUN, "take.zarr"])
+def test_a_take_behind_a_link_is_not_read(place: Path, capsys, link: str) -> None:
+    shutil.move(place / "run" / "take.zarr", place / "victim" / "take.zarr")
+    (place / "run" / link).symlink_to(place / "victim" / ("" if link == RUN else link))
+    for words in (("inspect", "run"), ("export", "run", "--bvh"), ("render", "run", "--frames", "0:1")):
+        capsys.readouterr()
+        assert crowdsim(*words) == 2
+        said = capsys.readouterr().err
+        assert "run: no take here" in said or "run/take.zarr: is a symbolic link, expected the take itself" in said
+
+
+@pytest.mark.parametrize("name", [".zattrs", "x/.zarray", "x/0.0", ""])
+def test_a_take_with_links_is_neither_extended_nor_given_other_outputs(place: Path, capsys, name: str) -> None:
+    linked = place / "run" / "take.zarr" / name
+    target = place / "elsewhere"
+    shutil.move(linked, target)
+    linked.symlink_to(target)
+    before = tree(place)
+    for more in (("--extend", "5"), ("--set", "outputs.csv={}")):
+        capsys.readouterr()
+        assert crowdsim("run", "four.yaml", "--out", "run", *more) == 2
+        assert "the run cannot be continued: run/take.zarr" in capsys.readouterr().err
+        assert tree(place) == before
+
+
 def test_files_of_the_user_in_a_run_folder_are_neither_replaced_nor_removed(place: Path) -> None:
     mine = {"notes.txt": b"mine", "bvh/mine.bvh": b"mine", "bvh/red_0.bvh": b"longer than theirs", "video.mp4": b"mine"}
     (place / "run" / "bvh").mkdir()

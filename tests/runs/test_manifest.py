@@ -10,7 +10,7 @@ import pytest
 
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.runs.manifest import EXPORT, Verdict, checksums, read_manifest, signed_manifest, verify, write_manifest
-from crowdsim.runs.stage import Plan, Wanted, complete, open_stage, write_together
+from crowdsim.runs.stage import Wanted, complete, open_stage, write_together
 
 
 @pytest.fixture
@@ -86,7 +86,7 @@ def test_any_changed_bit_of_a_manifest_is_found(folder: Path) -> None:
 
 def export(folder: Path, name: str) -> None:
     """Write a file in the place of all BVH files of a run."""
-    wanted = Wanted(EXPORT, {"bvh": {"fps": 30.0}}, Plan({f"bvh/{name}"}), {"name": name}, ["bvh"])
+    wanted = Wanted(EXPORT, {"bvh": {"fps": 30.0}}, {f"bvh/{name}"}, {"name": name}, ["bvh"])
     with write_together(folder, wanted, folder) as writing:
         (writing.folder / "bvh").mkdir()
         (writing.folder / "bvh" / name).write_text("new")

@@ -5,10 +5,9 @@ from unittest.mock import Mock
 
 import pytest
 from scenes import crowdsim, scene, write_scene
-from test_resuming import EVENTS, GROUPS, same_as_undisturbed
+from test_resuming import EVENTS, GROUPS, Simulated, same_as_undisturbed
 from test_runner import tree
 
-from crowdsim.crowd.simulation import Simulation
 from crowdsim.export import posed
 from crowdsim.runs.manifest import read_manifest
 from crowdsim.runs.opening import open_run
@@ -29,9 +28,9 @@ def test_other_outputs_of_a_finished_run_are_written_without_simulating(
     before = tree(workplace / "run" / "take.zarr")
     outcome = read_manifest(workplace / "run").get("outcome")
     with monkeypatch.context() as patch:
-        patch.setattr(Simulation, "__init__", lambda *_: pytest.fail("simulated"))
-        capsys.readouterr()
+        simulated = Simulated(patch, capsys)
         assert crowdsim(*other, "--out", "run") == 0
+        assert simulated.frames == []
         assert "only outputs differ; writing them from its take" in capsys.readouterr().err
         assert tree(workplace / "run" / "take.zarr") == before
         assert (workplace / "run" / "contact_sheet.png").exists()
@@ -42,15 +41,18 @@ def test_other_outputs_of_a_finished_run_are_written_without_simulating(
     same_as_undisturbed(workplace / "run", workplace / "undisturbed")
 
 
-def test_a_run_that_ended_early_has_its_outcome_where_only_outputs_were_left(workplace: Path, monkeypatch) -> None:
+def test_a_run_that_ended_early_has_its_outcome_where_only_outputs_were_left(
+    workplace: Path, monkeypatch, capsys
+) -> None:
     write_scene(workplace / "four.yaml", outputs={"bvh": {}}, duration=200, until={"landed": 1}, linger=0.5)
     assert crowdsim("run", "four.yaml", "--out", "whole") == 0
     with monkeypatch.context() as patch:
         patch.setattr(posed, "write_posed", Mock(side_effect=OSError(28, "no room", "bvh")))
         assert crowdsim("run", "four.yaml", "--out", "run") == 1
     with monkeypatch.context() as patch:
-        patch.setattr(Simulation, "run", lambda *_: pytest.fail("simulated"))
+        simulated = Simulated(patch, capsys)
         assert crowdsim("run", "four.yaml", "--out", "run") == 0
+        assert simulated.frames == []
     expected = read_manifest(workplace / "whole")["outcome"]
     assert expected["kind"] == "landed"
     assert read_manifest(workplace / "run")["outcome"] == expected

@@ -11,7 +11,6 @@ import yaml
 from crowdsim.cli import app
 from crowdsim.errors import OutputError, ScenarioError
 from crowdsim.preparation.validation import check_file
-from crowdsim.runs.extending import extend_run
 from crowdsim.runs.manifest import read_manifest
 from crowdsim.runs.runner import run, run_to
 from crowdsim.scenario.scenario import load_scenario
@@ -71,7 +70,7 @@ def test_a_run_that_has_ended_is_not_extended(workplace: Path) -> None:
     scenario = load_scenario(write(workplace))
     run_to(workplace / "out", scenario)
     with pytest.raises(OutputError, match="has come to the end of its scenario, last team; it cannot be extended"):
-        extend_run(workplace / "out", scenario, (10, False))
+        run_to(workplace / "out", scenario, more=(10, False))
 
 
 def test_outputs_behind_the_end_are_left_out(workplace: Path) -> None:

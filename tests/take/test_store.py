@@ -240,11 +240,6 @@ def test_an_interrupted_take_keeps_the_frames_that_were_done(tmp_path: Path) -> 
     np.testing.assert_array_equal(take.x[:], chunk(0, 6)["x"])
 
 
-def test_abandoning_leaves_nothing(tmp_path: Path) -> None:
-    write(tmp_path / "take.zarr", [5]).abandon()
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_path_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match=r"take\.zarr\.partial: cannot be made"):
