@@ -229,6 +229,7 @@ def _find_begun(one: Run, origin: Origin) -> Checkpoint | None:
 
 def _draw(one: Run) -> Crowd:
     """Return the crowd of a checked scenario; its policies are found or trained once its avatars are placed."""
+    from crowdsim.crowd.attachments import attachment_warnings
     from crowdsim.crowd.draw import draw_crowd
     from crowdsim.crowd.placement import place_groups
 
@@ -238,11 +239,13 @@ def _draw(one: Run) -> Crowd:
         one.tell(str(event))
     policies = load_policies(scenario, one.mocap, one.threads, one.progress)
     one.clock.lap("policies")
+    crowd = draw_crowd(scenario, policies, placed)
     if one.notify is not None:
         warnings = policy_warnings(scenario, {policy.name: policy.statistics for policy in policies})
+        warnings += attachment_warnings(scenario, {policy.name: policy for policy in policies})
         for warning in scenario.place(warnings):
             one.notify(str(warning))
-    return draw_crowd(scenario, policies, placed)
+    return crowd
 
 
 def plan_run(one: Run, crowd: Crowd) -> Plan:
