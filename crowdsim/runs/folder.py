@@ -24,8 +24,9 @@ if TYPE_CHECKING:
 RESOLVED = "scenario.resolved.yaml"
 _LONGEST = 1 << 24
 """Longest resolved scenario that is read [bytes]."""
-_LONGEST_PART = 1 << 18
-"""Longest part of it that is read alone [characters]: a whole scenario of a stranger may take minutes."""
+_LONGEST_PART = 1 << 22
+"""Longest part of it that is read alone [characters], more than a scenario of the most bytes and values becomes."""
+_FAST: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _OF_OUTPUTS = re.compile(r"^(?:fps|cameras|outputs):.*\n(?:[ -].*\n)*", re.MULTILINE)
 """Keys of a resolved scenario that change no take."""
 _CHOICES = "--force replaces it, --out names another folder"
@@ -124,7 +125,7 @@ def resolved_value(folder: Path, key: str) -> Any:
     if found is None or len(found[0]) > _LONGEST_PART:
         raise ValueError(f"has no {key!r}")
     try:
-        return yaml.safe_load(found[0])[key]
+        return yaml.load(found[0], _FAST)[key]
     except (yaml.YAMLError, RecursionError, KeyError, TypeError) as error:
         raise ValueError(f"{key!r} cannot be read: {error}") from None
 
