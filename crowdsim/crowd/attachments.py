@@ -175,7 +175,7 @@ def _tip(one: _Given, folder: Path | None, database: MotionDatabase, side: int) 
     return ends[farthest], float(capsules[farthest // 2][2])
 
 
-def _shown(point: Sequence[float]) -> str:
+def _shown(point: Array | Sequence[float]) -> str:
     return f"[{', '.join(f'{round(float(value), 3) + 0.0:g}' for value in point)}]"
 
 

@@ -314,10 +314,10 @@ class ClipSink:
             }
             for policy in clips
         ]
-        for skeleton, policy in zip(skeletons, clips, strict=True):
+        for keys, policy in zip(skeletons, clips, strict=True):
             props = [{"node": node, "joint": prop.joint, "type": kind} for node, kind, prop in self._props(policy)]
             if props:
-                skeleton["props"] = props
+                keys["props"] = props
         return {
             "version": VERSION, "units": "metres, seconds, radians, y up", "bank": BANK,
             "scenario": str(sampler.take.scenario), "fps": rate_text(float(self._fps)), "first_frame": self.start,

@@ -95,7 +95,6 @@ def test_roots_slide_evenly_to_where_there_will_be_room():
         slid += int((same & (way > 0.0)).sum())
         last, known, actions, before = way, same, now, after
     assert slid > 30
-    print(np.round(np.sort(growth)[-10:], 4), len(growth))
     assert max(growth) < 0.03
 
 
