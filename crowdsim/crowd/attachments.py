@@ -16,6 +16,7 @@ from crowdsim.crowd.props import PROP
 from crowdsim.errors import nearest
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import ROLES, Body
+from crowdsim.motion.strikers import SIDES
 from crowdsim.scenario.attachments import BoxAttachment, CapsulesAttachment, MeshAttachment
 
 if TYPE_CHECKING:
@@ -24,13 +25,18 @@ if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
     from crowdsim.scenario.scenario import Scenario
 
+_Given = CapsulesAttachment | BoxAttachment | MeshAttachment
 WOOD = (0.45, 0.29, 0.14)
 _FARTHEST = 20.0
 """Greatest coordinate of props in the frames of their joints [m]."""
 _EDGE = 0.02
 """Radius of the edges of boxes at the most [m]."""
-_BUTT, _POMMEL = 0.12, 0.02
-"""How far behind the hand the stick of a policy's own prop begins, over its length, and its least radius [m]."""
+_BUTT = 0.12
+"""How far behind the hand the stick of a policy's own prop begins, over its length."""
+_LONG = 0.2
+"""How far a prop reaches beyond the fist that looks as if it strikes [m]."""
+_SAME = 0.05
+"""How far the end of a prop may be from the point that a policy strikes with [m]."""
 
 
 def pack_attachments(scenario: Scenario, policies: Mapping[str, Policy]) -> Array:
@@ -97,7 +103,80 @@ def attachment_findings(scenario: Scenario, policies: Mapping[str, Policy]) -> l
             if far > _FARTHEST:
                 what = f"leads to {far:.3g} m from the joint along an axis, expected at most {_FARTHEST:g} m"
                 findings.append(Finding((*key, _size_key(one)), what))
+            elif one.strikes and (what := _why_not_striking(one, scenario.folder, kind.policy, database)):
+                findings.append(Finding((*key, "strikes"), f"is true, {what}"))
     return findings
+
+
+def attachment_warnings(scenario: Scenario, policies: Mapping[str, Policy]) -> list[Finding]:
+    """Return a finding for each prop that looks as if it strikes and does not, and for each that strikes unseen.
+
+    Args:
+        scenario: The scenario, resolved, whose attachments are right (``attachment_findings``).
+        policies: Policies by name; types of others are passed over.
+    """
+    findings = []
+    for name, kind in scenario.types.items():
+        if name not in scenario.used_types or kind.policy not in policies or not kind.attachments:
+            continue
+        database = policies[kind.policy].database
+        held = {_joint_of(database, one.joint) for one in kind.attachments}
+        for index, one in enumerate(kind.attachments):
+            side = _hand_of(database, one.joint)
+            if side is None or one.strikes is not None or one.blocks:
+                continue
+            beyond = float(np.linalg.norm(_tip(one, scenario.folder, database, side)[0] - _fist(database, side)))
+            if beyond >= _LONG and (what := _why_not_striking(one, scenario.folder, kind.policy, database)):
+                what = f"reaches {beyond:.2f} m out of the {SIDES[side]} fist and is only shown, {what}"
+                findings.append(Finding(("types", name, "attachments", index), what))
+        for prop in database.body.props:
+            if int(prop["joint"]) not in held:
+                what = f"leave the {SIDES[prop['side']]} hand empty, but policy {kind.policy!r} strikes with the point "
+                what += f"{_shown(prop['offset'])} of a prop in it; expected an attachment there that ends at it"
+                findings.append(Finding(("types", name, "attachments"), what))
+    return findings
+
+
+def _why_not_striking(one: _Given, folder: Path | None, policy: str, database: MotionDatabase) -> str:
+    """Return why the end of a prop strikes nothing, and what was expected; empty where it strikes."""
+    side = _hand_of(database, one.joint)
+    if side is None:
+        return f"but {one.joint!r} is no hand; expected a hand"
+    tip, radius = _tip(one, folder, database, side)
+    learned = [prop["offset"] for prop in database.body.props if prop["side"] == side]
+    if learned and float(np.linalg.norm(tip - learned[0])) <= _SAME + radius:
+        return ""
+    why = f"but policy {policy!r} has learned strikes "
+    why += f"with the point {_shown(learned[0])} of a prop, which ends at {_shown(tip)}" if learned else "without it"
+    row = f"{{hand: {SIDES[side]}, point: {_shown(tip)}, radius: {radius:.3g}}}"
+    return (
+        f"{why}, so that it would keep a wrong distance; expected a policy that is trained with it, by 'strikes: "
+        f"{{limbs: [props], props: [{row}]}}' in its recipe, or 'strikes: false' here"
+    )
+
+
+def _hand_of(database: MotionDatabase, name: str) -> int | None:
+    """Return the side of the hand that a joint is; None where it is none."""
+    hands = _guard_joints(database.body)[2:]
+    joint = _joint_of(database, name)
+    return hands.index(joint) if joint in hands else None
+
+
+def _fist(database: MotionDatabase, side: int) -> Array:
+    return np.asarray(database.body.fist_offsets[side], float)
+
+
+def _tip(one: _Given, folder: Path | None, database: MotionDatabase, side: int) -> tuple[Array, float]:
+    """Return the end of a prop that is farthest from the fist, in the frame of the hand's joint, and its radius [m]."""
+    capsules = _capsules(one, folder)
+    ends = np.array([point for capsule in capsules for point in capsule[:2]], float)
+    ends = quaternion.rotate(_rotation(one.rotation), ends) + one.offset
+    farthest = int(np.argmax(np.linalg.norm(ends - _fist(database, side), axis=1)))
+    return ends[farthest], float(capsules[farthest // 2][2])
+
+
+def _shown(point: Array | Sequence[float]) -> str:
+    return f"[{', '.join(f'{round(float(value), 3) + 0.0:g}' for value in point)}]"
 
 
 def shield_radii(cast: Cast, numbers: Array, body: Body) -> Array:
@@ -148,7 +227,7 @@ def _own_props(database: MotionDatabase) -> list[tuple[Any, ...]]:
     return rows
 
 
-def _capsules(one: CapsulesAttachment | BoxAttachment | MeshAttachment, folder: Path | None) -> Sequence[Any]:
+def _capsules(one: _Given, folder: Path | None) -> Sequence[Any]:
     """Return both ends and the radius of each capsule of a prop, in its own frame."""
     if isinstance(one, CapsulesAttachment):
         return [(capsule.start, capsule.end, capsule.radius) for capsule in one.capsules]
@@ -158,7 +237,7 @@ def _capsules(one: CapsulesAttachment | BoxAttachment | MeshAttachment, folder: 
     return [(rod[:3], rod[3:6], rod[6]) for rod in face_rods(one.scale * vertices, triangles)]
 
 
-def _farthest(one: CapsulesAttachment | BoxAttachment | MeshAttachment, folder: Path | None) -> float:
+def _farthest(one: _Given, folder: Path | None) -> float:
     """Return the greatest coordinate of a prop's points in the joint's frame [m]."""
     # Capsules are made of meshes only where that is small.
     with np.errstate(over="ignore", invalid="ignore"):
@@ -170,7 +249,7 @@ def _farthest(one: CapsulesAttachment | BoxAttachment | MeshAttachment, folder: 
     return float(np.nan_to_num(found, nan=np.inf, posinf=np.inf).max())
 
 
-def _size_key(one: CapsulesAttachment | BoxAttachment | MeshAttachment) -> str:
+def _size_key(one: _Given) -> str:
     """Return the key that says most about how large a prop is."""
     if isinstance(one, MeshAttachment):
         return "file" if one.scale == 1.0 else "scale"

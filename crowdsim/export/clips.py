@@ -29,6 +29,7 @@ from crowdsim.core.workers import share
 from crowdsim.errors import OutputError
 from crowdsim.export.gltf import HELPER_ROTATIONS, ROTATIONS, Document, GltfFile, key_times, moving_joints
 from crowdsim.export.gltf_kernels import pack_rotations
+from crowdsim.export.prop_meshes import PropMesh, prop_meshes
 from crowdsim.export.stream import Block
 from crowdsim.poses.kernels.blending import BLEND, blend_poses
 from crowdsim.poses.kernels.records import Moments, Posed
@@ -251,6 +252,8 @@ class ClipSink:
             rest = np.where(moving[:, None], np.nan, still)
             name = str(sampler.take.cast.policy_names[policy])
             first = document.add_body(name, database.skeleton, added, rest, paints, 1.0, {"policy": name})
+            for node, kind, prop in self._props(policy):
+                document.add_prop(node, first + 1 + prop.joint, prop, {"type": kind})
             halves = first + 1 + len(moving) + np.arange(len(added.skin.helpers))
             for low, high in stretches:
                 span = slice(low, high + 1)
@@ -282,6 +285,14 @@ class ClipSink:
         document.json["scenes"][0]["name"] = str(sampler.take.scenario)
         return document
 
+    def _props(self, policy: int) -> Iterator[tuple[str, str, PropMesh]]:
+        """Yield what avatars of a policy carry: the name of its node, their type, and the prop."""
+        cast, names = self._sampler.take.cast, self._sampler.motions[policy].skeleton.names
+        for number in np.unique(cast.types[self._numbers][cast.policies[self._numbers] == policy]).tolist():
+            kind = str(cast.type_names[number])
+            for prop in prop_meshes(cast.attachments, number):
+                yield f"{kind} {names[prop.joint]} prop", kind, prop
+
     def _head(self, clips: dict[int, Array]) -> dict[str, Any]:
         """Return what tracks have in common."""
         sampler, head = self._sampler, []
@@ -294,7 +305,7 @@ class ClipSink:
                     "skeleton": skeleton, "frames": int(high + 1 - low), "rate": frames.rate,
                     "of": database.clip_names[clip], "first": int(low - starts[clip]),
                 })  # fmt: skip
-        skeletons = [
+        skeletons: list[dict[str, Any]] = [
             {
                 "name": str(sampler.take.cast.policy_names[policy]),
                 "joints": list(sampler.motions[policy].skeleton.names),
@@ -303,6 +314,10 @@ class ClipSink:
             }
             for policy in clips
         ]
+        for keys, policy in zip(skeletons, clips, strict=True):
+            props = [{"node": node, "joint": prop.joint, "type": kind} for node, kind, prop in self._props(policy)]
+            if props:
+                keys["props"] = props
         return {
             "version": VERSION, "units": "metres, seconds, radians, y up", "bank": BANK,
             "scenario": str(sampler.take.scenario), "fps": rate_text(float(self._fps)), "first_frame": self.start,

@@ -33,6 +33,7 @@ from crowdsim.core.types import Array, Progress
 from crowdsim.crowd.events import OUTCOMES
 from crowdsim.errors import OutputError
 from crowdsim.export.gltf_kernels import pack_rotations
+from crowdsim.export.prop_meshes import GLOSS, PropMesh, prop_meshes
 from crowdsim.export.stream import Block, run_all, stream_poses
 from crowdsim.files import make_folder
 from crowdsim.motion import quaternion
@@ -77,9 +78,11 @@ class CameraPath:
     aspect: float
 
 
+_PROP_PART = -100
+"""What stands for props among the parts of skins and kinds of obstacles."""
 _FILES_AT_ONCE = 128
 """Files that are open at once where each avatar has one of its own."""
-_BALL, _BALL_COLOUR = 0.13, [0.85, 0.50, 0.03, 1.0]
+_BALL, _BALL_COLOUR = 0.13, [0.85, 0.50, 0.03]
 """Radius [m] and linear colour of scripted targets, as in pictures."""
 
 
@@ -206,6 +209,7 @@ class GltfSink:
         document = Document()
         times = document.add(key_times(np.arange(self._frames), self._fps), limits=True)
         skins: dict[tuple[Any, ...], AddedSkin] = {}
+        carried: dict[int, list[PropMesh]] = {}
         channels: list[dict[str, Any]] = []
         samplers: list[dict[str, Any]] = []
 
@@ -241,6 +245,11 @@ class GltfSink:
             document.add_body(
                 name, skeleton, skins[key], np.where(moving[:, None], np.nan, still), paints, scale, extras
             )
+            kind = int(cast.types[number])
+            if kind not in carried:
+                carried[kind] = prop_meshes(cast.attachments, kind)
+            for prop in carried[kind]:
+                document.add_prop(f"{name} {skeleton.names[prop.joint]} prop", first + 1 + prop.joint, prop)
             kinds = ROTATIONS[self._rotations], HELPER_ROTATIONS[self._rotations]
             root, where = document.reserve(self._frames, 1, "<f4", 3)
             last = np.tile([1.0, 0.0, 0.0, 0.0], (int(moving.sum()) + HELPERS, 1))
@@ -394,6 +403,7 @@ class Document:
         }
         self.constant: list[tuple[int, bytes]] = []
         self.materials: dict[tuple[int, bytes], int] = {}
+        self.props: dict[bytes, int] = {}
         self.size = 0
 
     def add(self, values: Array, target: int | None = None, limits: bool = False) -> int:
@@ -535,20 +545,42 @@ class Document:
         }
         key = (-1 - kind, b"")
         if key not in self.materials:
-            self.materials[key] = len(self.json["materials"])
             *colour, shine = OBSTACLE_PAINTS[kind]
-            self.json["materials"].append({
-                "name": OBSTACLE_KINDS[kind],
-                "pbrMetallicRoughness": {
-                    "baseColorFactor": [*colour, 1.0], "metallicFactor": 0.0, "roughnessFactor": round(1.0 - shine, 3),
-                },
-            })  # fmt: skip
+            self.materials[key] = self._add_material(OBSTACLE_KINDS[kind], colour, round(1.0 - shine, 3))
         indices = self.add(mesh.triangles.astype("<u4").ravel(), _INDICES)
         primitive = {"attributes": attributes, "indices": indices, "material": self.materials[key]}
         self.json["meshes"].append({"name": name, "primitives": [primitive]})
         self.nodes.append({"name": name, "mesh": len(self.json["meshes"]) - 1})
         self.json["scenes"][0]["nodes"].append(len(self.nodes) - 1)
         return len(self.nodes) - 1
+
+    def add_prop(self, name: str, joint: int, prop: PropMesh, extras: dict[str, Any] | None = None) -> None:
+        """Add a prop to the node of a joint, which moves it; props that are alike share a mesh.
+
+        Args:
+            name: Name of its node.
+            joint: Node of the joint.
+            prop: The prop.
+            extras: What its node says of it.
+        """
+        if prop.key not in self.props:
+            primitives = []
+            for mesh, colour in prop.parts:
+                key = (_PROP_PART, np.array(colour).tobytes())
+                if key not in self.materials:
+                    self.materials[key] = self._add_material("prop", list(colour), 1.0 - GLOSS)
+                primitives.append({
+                    "attributes": {
+                        "POSITION": self.add(mesh.positions.astype("<f4"), _VERTICES, limits=True),
+                        "NORMAL": self.add(mesh.normals.astype("<f4"), _VERTICES),
+                    },
+                    "indices": self.add(mesh.triangles.astype("<u4").ravel(), _INDICES),
+                    "material": self.materials[key],
+                })  # fmt: skip
+            self.props[prop.key] = len(self.json["meshes"])
+            self.json["meshes"].append({"name": f"prop_{len(self.props) - 1}", "primitives": primitives})
+        self.nodes[joint].setdefault("children", []).append(len(self.nodes))
+        self.nodes.append({"name": name, "mesh": self.props[prop.key], **({"extras": extras} if extras else {})})
 
     def add_ball(self, radius: float) -> int:
         """Add a ball as a mesh, and return it."""
@@ -569,11 +601,7 @@ class Document:
             "NORMAL": self.add(normals.astype("<f4"), _VERTICES),
         }
         indices = self.add(faces.astype("<u2").ravel(), _INDICES)
-        self.json["materials"].append({
-            "name": "target",
-            "pbrMetallicRoughness": {"baseColorFactor": _BALL_COLOUR, "metallicFactor": 0.0, "roughnessFactor": 0.5},
-        })  # fmt: skip
-        material = len(self.json["materials"]) - 1
+        material = self._add_material("target", _BALL_COLOUR, 0.5)
         self.json["meshes"].append({
             "name": "target", "primitives": [{"attributes": attributes, "indices": indices, "material": material}],
         })  # fmt: skip
@@ -583,16 +611,19 @@ class Document:
         """Return the material of a part in a linear colour."""
         key, known = (part, np.round(colour, 4).tobytes()), self.materials
         if key not in known:
-            known[key] = len(self.json["materials"])
-            self.json["materials"].append({
-                "name": SKIN_PARTS[part],
-                "pbrMetallicRoughness": {
-                    "baseColorFactor": [*(round(float(value), 4) for value in colour), 1.0],
-                    "metallicFactor": 0.0,
-                    "roughnessFactor": roughness(part),
-                },
-            })  # fmt: skip
+            linear = [round(float(value), 4) for value in colour]
+            known[key] = self._add_material(SKIN_PARTS[part], linear, roughness(part))
         return known[key]
+
+    def _add_material(self, name: str, colour: Sequence[float], rough: float) -> int:
+        """Add a material in a linear colour, and return it."""
+        self.json["materials"].append({
+            "name": name,
+            "pbrMetallicRoughness": {
+                "baseColorFactor": [*colour, 1.0], "metallicFactor": 0.0, "roughnessFactor": rough,
+            },
+        })  # fmt: skip
+        return len(self.json["materials"]) - 1
 
 
 class GltfFile:

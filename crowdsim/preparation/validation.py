@@ -80,6 +80,7 @@ def _warnings(scenario: Scenario) -> list[str]:
     Policies that are not trained yet are passed over, since their abilities are unknown.
     """
     from crowdsim import assets
+    from crowdsim.crowd.attachments import attachment_warnings
     from crowdsim.policy.bundle import read_document
     from crowdsim.scenario.warnings import policy_warnings
 
@@ -90,7 +91,9 @@ def _warnings(scenario: Scenario) -> list[str]:
     for name in dict.fromkeys(kind.policy for kind in scenario.types.values()) if is_concerned else ():
         with suppress(PolicyError):
             statistics[name] = read_document(assets.find_bundle(name))["statistics"]
-    return [str(warning) for warning in scenario.place(policy_warnings(scenario, statistics))]
+    carrying = _trained(kind.policy for kind in scenario.types.values() if kind.attachments)
+    warnings = [*policy_warnings(scenario, statistics), *attachment_warnings(scenario, carrying)]
+    return [str(warning) for warning in scenario.place(warnings)]
 
 
 def check_scenario(scenario: Scenario) -> None:

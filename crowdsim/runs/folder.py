@@ -24,8 +24,9 @@ from crowdsim.runs.stage import TAKE, read_note
 RESOLVED = "scenario.resolved.yaml"
 _LONGEST = 1 << 24
 """Longest resolved scenario that is read [bytes]."""
-_LONGEST_PART = 1 << 18
-"""Longest part of it that is read alone [characters]: a whole scenario of a stranger may take minutes."""
+_LONGEST_PART = 1 << 22
+"""Longest part of it that is read alone [characters], more than a scenario of the most bytes and values becomes."""
+_FAST: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _OF_OUTPUTS = {"fps", "cameras", "outputs"}
 """Keys of a resolved scenario that change no take."""
 _CHOICES = "--force replaces it, --out names another folder"
@@ -201,7 +202,7 @@ def _value(parts: Mapping[str, str], key: str) -> Any:
     if not text or len(text) > _LONGEST_PART:
         raise ValueError(f"has no {key!r}")
     try:
-        return yaml.safe_load(text)[key]
+        return yaml.load(text, _FAST)[key]
     except (yaml.YAMLError, RecursionError, KeyError, TypeError) as error:
         raise ValueError(f"{key!r} cannot be read: {error}") from None
 

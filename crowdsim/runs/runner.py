@@ -273,6 +273,7 @@ def _find_begun(one: Run, origin: Origin) -> Checkpoint | None:
 
 def _draw(one: Run, policies: Sequence[Policy] | None = None) -> Crowd:
     """Return the crowd of a checked scenario; its policies are found or trained once its avatars are placed."""
+    from crowdsim.crowd.attachments import attachment_warnings
     from crowdsim.crowd.draw import draw_crowd
     from crowdsim.crowd.placement import place_groups
 
@@ -286,6 +287,7 @@ def _draw(one: Run, policies: Sequence[Policy] | None = None) -> Crowd:
     one.clock.lap("policies")
     if one.notify is not None:
         warnings = policy_warnings(scenario, {policy.name: policy.statistics for policy in policies})
+        warnings += attachment_warnings(scenario, {policy.name: policy for policy in policies})
         for warning in scenario.place(warnings):
             one.notify(str(warning))
     if one.more is not None:

@@ -43,6 +43,12 @@ class _Attachment(StrictModel):
         description="Whether it is a shield, on a hand or an elbow: strikes that meet it are blocked. It counts as a "
         "forearm or glove that is as wide as the middle one of its three sizes.",
     )
+    strikes: bool | None = Field(
+        default=None,
+        description="Whether its end strikes, of a prop in a hand: true where the policy has learned strikes with it "
+        "(`strikes.props` of its recipe), which is checked; false where it is only shown. null: as the policy has "
+        "learned, with a warning where a prop reaches out of a hand and does not strike.",
+    )
     colour: Annotated[str, Field(pattern=_COLOUR)] | None = Field(
         default=None, description="Colour in pictures as '#rrggbb'; null: that of wood."
     )

@@ -11,7 +11,13 @@ import pytest
 from scenes import crowdsim, write_scene
 
 import crowdsim as package
-from crowdsim.crowd.attachments import WOOD, _box_capsules, shield_radii
+from crowdsim.crowd.attachments import (
+    WOOD,
+    _box_capsules,
+    attachment_findings,
+    attachment_warnings,
+    shield_radii,
+)
 from crowdsim.crowd.cast import Cast
 from crowdsim.crowd.draw import draw_crowd
 from crowdsim.crowd.kernels.layout import BLOCKED
@@ -75,6 +81,10 @@ def folder(workplace: Path) -> Path:
         ({"kind": "mesh", "file": "bad.obj"}, "file: 'bad.obj' line 2: is no vertex or face of an OBJ file: 'v 0 x'"),
         ({"kind": "mesh", "file": "empty.obj"}, "file: 'empty.obj' holds no faces, expected an OBJ file"),
         ({"colour": "brown"}, "colour: "),
+        ({"joint": "head", "strikes": True}, "strikes: is true, but 'head' is no hand; expected a hand"),
+        ({"strikes": True}, "strikes: is true, but policy 'tiny' has learned strikes without it, so that it would keep "
+         "a wrong distance; expected a policy that is trained with it, by 'strikes: {limbs: [props], props: [{hand: "
+         "right, point: [-0.07, 0, 0.6], radius: 0.016}]}' in its recipe, or 'strikes: false' here"),
         ({"joint": "head", "blocks": True}, "blocks: is true at 'head', which holds no shield, expected a hand"),
     ],
 )  # fmt: skip
@@ -94,6 +104,55 @@ def test_what_is_wrong_is_found_with_its_position(folder, capsys, changes, words
     assert words in found
     assert "held.yaml:" in found
     assert "types.boxer.attachments[0]" in found
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({}, "attachments[0]: reaches 0.60 m out of the right fist and is only shown, but policy 'tiny' has learned"),
+        ({"rotation": [0, 90, 0]}, "point: [0.6, 0, 0.07]"),
+        ({"strikes": False}, None),
+        ({"blocks": True}, None),
+        ({"joint": "head"}, None),
+        ({"capsules": [{"start": [-0.07, 0.0, -0.1], "end": [-0.07, 0.0, 0.1], "radius": 0.05}]}, None),
+    ],
+)
+def test_a_prop_that_looks_as_if_it_strikes_and_does_not_is_warned_of(folder, capsys, changes, expected):
+    file = write_scene(folder / "held.yaml", types=types({**STICK, **changes}))
+    assert crowdsim("validate", file) == 0
+    said = capsys.readouterr()
+    assert ("only shown" in said.out + said.err) == (expected is not None)
+    assert expected is None or expected in said.out + said.err
+    assert crowdsim("run", file, "--out", "held", "--threads", "1", "--frames", "4") == 0
+    assert ("only shown" in capsys.readouterr().err) == (expected is not None)
+
+
+@pytest.mark.parametrize(
+    ("attachments", "refused", "warned"),
+    [
+        ([{**STICK, "capsules": [{"start": [0, 0, 0], "end": [-0.39, 0, 0.45], "radius": 0.016}]}], None, None),
+        ([STICK], "which ends at [-0.07, 0, 0.6], so that it would keep a wrong distance", "reaches "),
+        (
+            [{**STICK, "joint": "left_hand"}],
+            "has learned strikes without it",
+            "attachments: leave the right hand empty",
+        ),
+    ],
+)
+def test_a_prop_is_compared_with_the_one_that_a_policy_has_learned(folder, attachments, refused, warned):
+    scenario = package.load_scenario(write_scene(folder / "held.yaml", types=types(*attachments)))
+    tiny = package.load_policies(scenario)[0]
+    database = tiny.database
+    prop = {"joint": database.body.roles["right_hand"], "side": 1, "offset": [-0.39, 0, 0.45], "radius": 0.016}
+    armed = replace(tiny, database=replace(database, body=replace(database.body, props=(prop,))))
+    found = [str(one) for one in attachment_warnings(scenario, {"tiny": armed})]
+    assert bool(found) == (warned is not None)
+    assert warned is None or any(warned in one for one in found)
+    told = [{**one, "strikes": True} for one in attachments]
+    scenario = package.load_scenario(write_scene(folder / "held.yaml", types=types(*told)))
+    found = [str(one) for one in attachment_findings(scenario, {"tiny": armed})]
+    assert bool(found) == (refused is not None)
+    assert refused is None or (refused in found[0] and "types.boxer.attachments[0].strikes" in found[0])
 
 
 def test_an_obj_file_is_read_and_its_faces_are_covered_by_rods(tmp_path):

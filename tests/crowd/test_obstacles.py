@@ -11,9 +11,11 @@ from synthetic_policy import policy
 from test_damage import fighters, with_falls
 from test_simulation import bytes_of, crowd
 
-from crowdsim.crowd.kernels.confinement import CLEARANCE
+from crowdsim.crowd.kernels.confinement import AHEAD, CLEARANCE
+from crowdsim.crowd.kernels.evaluate import TERMS
 from crowdsim.crowd.kernels.fall_clearance import SLIDES, hemmed_in, slide
 from crowdsim.crowd.kernels.layout import LANDED, PELVIS, Observed
+from crowdsim.crowd.kernels.terms import backs
 from crowdsim.crowd.obstacles import scenario_shapes
 from crowdsim.crowd.placement import place_groups
 from crowdsim.crowd.simulation import Simulation
@@ -70,6 +72,76 @@ def test_without_obstacles_some_of_these_bodies_would_be_in_them():
     chunk = Simulation(replace(walled(interval=15.0), parts=PARTS[:0])).run(150)
     inside = [gap_to(part, x, z) < 0.0 for part in PARTS for x, z in zip(chunk.x.flat, chunk.z.flat, strict=True)]
     assert any(inside)
+
+
+def test_roots_slide_evenly_to_where_there_will_be_room():
+    wall = pack_parts([(0, WallObstacle(kind="wall", points=((-9.0, 0.9), (9.0, 0.9))))], 15.0)
+    one = Simulation(replace(walled(interval=0.0, arena=np.zeros(5), speed=1.0), parts=wall))
+    assert AHEAD >= 4
+
+    def bases():
+        slots = one.avatars.slot_of[: one.crowd.count]
+        rows = one.avatars.playback[slots]
+        return one.avatars.motion["action"][slots].copy(), np.column_stack([rows["base_x"], rows["base_z"]])
+
+    actions, before = bases()
+    last, known, growth, slid = np.zeros(len(before)), np.zeros(len(before), bool), [], 0
+    for _ in range(200):
+        one.run(1)
+        now, after = bases()
+        way = np.linalg.norm(after - before, axis=1)
+        same = (now == actions) & (one.avatars.playback["action_before"][one.avatars.slot_of[: one.crowd.count]] < 0)
+        growth += (way - last)[same & known].tolist()
+        slid += int((same & (way > 0.0)).sum())
+        last, known, actions, before = way, same, now, after
+    assert slid > 30
+    assert max(growth) < 0.03
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_it_costs_to_be_backed_into_obstacles_matches_naive(seed):
+    one, rng = Simulation(walled()), np.random.default_rng(seed)
+    model, avatars, places, seen = one.model, one.avatars, one._world.places, 0
+    for own in range(12):
+        x, z, size = *rng.uniform(-0.9, 3.9, 2), avatars.playback["scale"][own]
+        avatars.x[own], avatars.z[own] = x, z
+        state, away = model.actions["next"][avatars.motion["action"][own]], rng.normal(0.0, 1.0, 2)
+        moves = model.moves[model.offsets[state] : model.offsets[state + 1]]
+        values = np.zeros(len(moves))
+        backs._add_backs(model, avatars, places, 0.0, own, state, *away, values)
+        cos, sin = np.cos(avatars.heading[own]) * size, np.sin(avatars.heading[own]) * size
+        gaps = []
+        for part in PARTS[[stands(part, 0) for part in PARTS]]:
+            gap, step = gap_to(part, x, z), 1e-6
+            out = np.array([gap_to(part, x + step, z) - gap, gap_to(part, x, z + step) - gap]) / step
+            if gap < (model.reaches[state] + backs.BEHIND) * size and out @ away > 0.0:
+                gaps.append((gap, out))
+        gap, out = min(gaps, key=lambda one: one[0], default=(np.inf, np.zeros(2)))
+        expected = []
+        for move in moves:
+            end = np.array([move["x"] * cos + move["z"] * sin, move["z"] * cos - move["x"] * sin])
+            near = np.clip(1.0 - (gap + end @ out) / (backs.BEHIND * size), 0.0, 1.0)
+            way = away - end
+            expected.append(-backs.BACKED * near * max(way @ out / np.linalg.norm(way), 0.0))
+        np.testing.assert_allclose(values, expected, atol=1e-3)
+        seen += min(expected) < -0.1
+    assert seen >= 2
+
+
+def test_a_fighter_turns_out_from_a_wall_behind_it():
+    behind = pack_parts([(0, WallObstacle(kind="wall", points=((-30.0, -0.6), (30.0, -0.6))))], 15.0)
+    base = replace(crowd(interval=0.0, arena=np.zeros(5), scale=1.0, speed=1.0), policies=POLICIES, parts=behind)
+    x, z = np.tile(np.arange(6) * 4.0 - 10.0, 2), np.repeat([0.0, 1.2], 6)
+    one = Simulation(replace(base, x=x, z=z, heading=np.where(z > 0.0, math.pi, 0.0)))
+    term, costs = TERMS.index("backs"), []
+    for _ in range(60):
+        costs += [decision.values[term] for decision in one.explain() if len(decision.actions)]
+        one.step()
+    backed = [each for each in costs if each.min() < -0.05]
+    assert len(backed) > 10
+    assert all(np.ptp(each) > 0.0 for each in backed)
+    free = Simulation(replace(one.crowd, parts=behind[:0]))
+    assert not any(decision.values[term].any() for _ in range(20) for decision in (free.explain(), free.step())[0])
 
 
 @pytest.mark.parametrize(("search", "threads"), [("kd_tree", 1), ("kd_tree", 2), ("scipy", 2)])

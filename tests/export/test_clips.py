@@ -5,6 +5,7 @@ import json
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from scenes import crowdsim, write_scene
 from scipy.spatial.transform import Rotation
 from test_exports import COMING
 
+from crowdsim.crowd.props import PROP
 from crowdsim.errors import OutputError
 from crowdsim.export import clips
 from crowdsim.export.clips import write_clips
@@ -125,6 +127,33 @@ def test_clips_are_there_once_and_only_what_is_played_of_them(sampler, tmp_path,
             assert since >= 0.0
             seconds = (bank.tracks["clips"][clip]["frames"] - 1) / bank.tracks["clips"][clip]["rate"]
             assert since + (end - start) * track["speed"] <= seconds + 0.02
+
+
+def test_a_bank_has_what_types_carry_at_its_joints(sampler, tmp_path, reader) -> None:
+    write_clips(sampler, tmp_path, 30)
+    assert "props" not in reader(tmp_path).tracks["skeletons"][0]
+    joint = sampler.policies[0].database.body.roles["right_hand"]
+    kind = sampler.take.cast.type_names.index("large")
+    props = np.array([(kind, joint, (0, 0, 0), (0, 0, 0.5), 0.02, (0.5, 0.5, 0.5), False)], PROP)
+    take = replace(sampler.take, cast=replace(sampler.take.cast, attachments=props))
+    armed = PoseSampler(take, sampler.policies)
+    write_clips(armed, tmp_path / "armed", 30)
+    bank = reader(tmp_path / "armed")
+    (prop,) = bank.tracks["skeletons"][0]["props"]
+    assert prop == {"node": "large RightHand prop", "joint": joint, "type": "large"}
+    nodes = bank.gltf["nodes"]
+    (node,) = [number for number, one in enumerate(nodes) if one.get("name") == prop["node"]]
+    assert node in nodes[bank.gltf["skins"][0]["joints"][joint]]["children"]
+    assert nodes[node]["extras"] == {"type": "large"}
+    position = bank.gltf["meshes"][nodes[node]["mesh"]]["primitives"][0]["attributes"]["POSITION"]
+    limits = bank.gltf["accessors"][position]
+    np.testing.assert_allclose(limits["min"], [-0.02, -0.02, -0.02], atol=1e-6)
+    np.testing.assert_allclose(limits["max"], [0.02, 0.02, 0.52], atol=1e-6)
+    # The poses are those without it, and files of others have none.
+    track = bank.tracks["avatars"][0]
+    np.testing.assert_array_equal(joints_of(bank, track, 1.0), joints_of(reader(tmp_path), track, 1.0))
+    write_clips(armed, tmp_path / "bare", 30, avatars=[0, 1])
+    assert "props" not in reader(tmp_path / "bare").tracks["skeletons"][0]
 
 
 def test_parquet_has_what_json_has(sampler, tmp_path) -> None:

@@ -17,13 +17,17 @@ from test_exports import COMING
 from crowdsim.body.anatomy import Build
 from crowdsim.body.looks import usual_build
 from crowdsim.body.skin import build_skin, pose_skins
+from crowdsim.crowd.attachments import WOOD
+from crowdsim.crowd.props import PROP
 from crowdsim.errors import OutputError
 from crowdsim.export import gltf, stream
 from crowdsim.export.gltf import write_gltf
 from crowdsim.export.posed import write_posed
+from crowdsim.export.prop_meshes import capsule_mesh
 from crowdsim.outputs.glb import GlbOutput
 from crowdsim.places.arrays import pack_parts
 from crowdsim.places.description import DiscObstacle, WallObstacle
+from crowdsim.poses.attachments import place_attachments
 from crowdsim.poses.sampler import PoseSampler
 from crowdsim.preparation.prepare import load_policies
 from crowdsim.render.camera import build_track, resolve_camera
@@ -234,6 +238,81 @@ def test_targets_come_along_as_balls(sampler: PoseSampler, tmp_path: Path) -> No
     np.testing.assert_allclose(np.linalg.norm(points, axis=1), 0.13, atol=1e-6)
 
 
+RED = (0.8, 0.1, 0.1)
+
+
+@pytest.fixture(scope="module")
+def armed(sampler: PoseSampler) -> PoseSampler:
+    """The same take with a stick in the right hand of both types, and a plate of two colours on the head of one."""
+    roles = sampler.policies[0].database.body.roles
+    stick = (roles["right_hand"], (-0.07, 0.0, -0.1), (-0.2, 0.1, 0.6), 0.016, WOOD, False)
+    knob = (roles["head"], (0.0, 0.2, 0.0), (0.0, 0.2, 0.0), 0.05, RED, False)
+    rods = [(roles["head"], (x, 0.1, -0.1), (x, 0.1, 0.2), 0.004, WOOD, False) for x in np.linspace(-0.1, 0.1, 70)]
+    props = np.array([(0, *stick), (1, *stick), (1, *knob), *((1, *rod) for rod in rods)], PROP)
+    take = replace(sampler.take, cast=replace(sampler.take.cast, attachments=props))
+    return PoseSampler(take, sampler.policies)
+
+
+def test_props_are_children_of_joints_where_pictures_show_them(armed: PoseSampler, tmp_path: Path) -> None:
+    (path,) = write_gltf(armed, tmp_path / "crowd.glb", fps=FPS)
+    scene, cast = Scene(path), armed.take.cast
+    held = {name: node for node, name in enumerate(scene.names) if name.endswith(" prop")}
+    assert list(held) == [f"{name} prop" for name in ("red_0 RightHand", "red_1 RightHand", "late_0 Head",
+                                                      "late_0 RightHand")]  # fmt: skip
+    assert all(scene.names[scene.parents[node]] == name.split()[1] for name, node in held.items())
+    nodes = scene.gltf.nodes
+    assert len({nodes[node].mesh for name, node in held.items() if "Hand" in name}) == 1
+    (poses,) = armed.sample(0, armed.take.output_frames(float(FPS)), float(FPS))
+    positions, rotations = poses.joints()
+    seen = set()
+    for frame in range(0, len(positions), 3):
+        world = scene.at(float(frame / FPS))
+        shown = place_attachments(cast, poses.avatars, positions[frame], rotations[frame])
+        for name, node in held.items():
+            avatar = cast.names.tolist().index(name.split()[0])
+            mesh = scene.gltf.meshes[nodes[node].mesh]
+            for primitive in mesh.primitives:
+                points = scene.values(primitive.attributes.POSITION)
+                points = points @ world[node][:3, :3].T + world[node][:3, 3]
+                colour = scene.gltf.materials[primitive.material].pbrMetallicRoughness.baseColorFactor[:3]
+                alike = np.abs(shown.colours.astype(float) ** 2 - colour).max(axis=1) < 1e-3
+                mine = (shown.avatars == avatar) & alike & ((shown.radii > 0.014) == (len(points) < 200))
+                if not mine.any():
+                    assert np.ptp(points, axis=0).max() < 1e-6
+                    continue
+                gaps = [
+                    np.abs(
+                        distance_to(points, *(values[row].astype(float) for values in shown[1:3])) - shown.radii[row]
+                    )
+                    for row in np.flatnonzero(mine)
+                ]
+                assert np.min(gaps, axis=0).max() < 1e-5
+                seen.add((name, len(points)))
+    assert len(seen) == 5
+
+
+def distance_to(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Distances of points (n, 3) from a piece of a line."""
+    axis = end - start
+    share = np.clip((points - start) @ axis / max(float(axis @ axis), 1e-12), 0.0, 1.0)
+    return np.linalg.norm(points - start - share[:, None] * axis, axis=1)
+
+
+@pytest.mark.parametrize("end", [(0.3, 0.1, -0.2), (0.0, 0.4, 0.0), (0.0, 0.0, 0.0)])
+def test_a_capsule_is_a_closed_surface_as_large_as_it(end: tuple[float, float, float]) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    found = capsule_mesh(np.zeros(3), np.array(end), 0.05, 48, 16)
+    shape = trimesh.Trimesh(found.positions, found.triangles)
+    expected = np.pi * 0.05**2 * (np.linalg.norm(end) + 4.0 / 3.0 * 0.05)
+    assert shape.is_watertight
+    assert shape.is_winding_consistent
+    assert expected * 0.98 < shape.volume < expected
+    corners = found.positions[found.triangles]
+    outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (np.einsum("ij,ikj->ik", outward, found.normals[found.triangles]) > 0.0).all()
+    np.testing.assert_allclose(distance_to(found.positions, np.zeros(3), np.array(end)), 0.05, atol=1e-9)
+
+
 @pytest.mark.parametrize("camera", ["fight", "front+side"])
 def test_cameras_come_along_as_pictures_have_them(sampler: PoseSampler, tmp_path: Path, camera: str) -> None:
     (path,) = write_posed(sampler, tmp_path, [GlbOutput(fps=30.0, frames=(10, 50), camera=camera)])["glb"][:1]
@@ -309,7 +388,7 @@ def test_a_file_that_fails_leaves_nothing(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rotations", ["float32", "int16"])
-def test_the_validator_reports_nothing(sampler: PoseSampler, tmp_path: Path, rotations: str) -> None:
+def test_the_validator_reports_nothing(armed: PoseSampler, tmp_path: Path, rotations: str) -> None:
     if shutil.which("npm") is None or shutil.which("node") is None:
         pytest.skip("npm is not installed")
     done = subprocess.run(
@@ -317,12 +396,12 @@ def test_the_validator_reports_nothing(sampler: PoseSampler, tmp_path: Path, rot
     )
     if done.returncode:
         pytest.skip("npm has no gltf-validator")
-    places = np.random.default_rng(3).normal(size=(sampler.take.frame_count, 2, 3)).astype(np.float32)
+    places = np.random.default_rng(3).normal(size=(armed.take.frame_count, 2, 3)).astype(np.float32)
     door = {"at": 2.0, "width": 1.0, "opens": 0.2}
     wall = WallObstacle.model_validate({"kind": "wall", "points": [[0, 4], [6, 4]], "height": 2.0, "doors": [door]})
     disc = DiscObstacle(kind="disc", centre=(3.0, 0.0), radius=0.3, height=1.0)
     parts = pack_parts([(0, wall), (1, disc)], None)
-    shown = PoseSampler(replace(sampler.take, targets=places), sampler.policies, obstacles=parts)
+    shown = PoseSampler(replace(armed.take, targets=places), armed.policies, obstacles=parts)
     path = write_posed(shown, tmp_path, [GlbOutput(fps=float(FPS), rotations=rotations, camera="fight")])["glb"][0]
     code = (
         "const v=require('gltf-validator'),f=require('fs');"

@@ -7,6 +7,7 @@ import pytest
 from render_sources import Walkers
 from scenes import crowdsim, write_scene
 
+from crowdsim.config.files import dump_yaml
 from crowdsim.places.arrays import pack_parts
 from crowdsim.places.description import BoxObstacle, DiscObstacle, Door, RopesObstacle, WallObstacle
 from crowdsim.places.kernels.records import PART
@@ -155,3 +156,11 @@ def test_cameras_that_are_placed_by_hand_show_what_hides_avatars():
     seen = {kind: (pictures[kind, Walkers] != pictures[kind, Walled]).any() for kind in ("front", "side")}
     # One of the two looks along z, from one side or the other.
     assert not all(seen.values())
+
+
+def test_thousands_of_walls_in_a_scenario_are_shown(tmp_path):
+    walls = [{"kind": "wall", "points": [[i % 60, i // 60], [i % 60 + 0.5, i // 60 + 0.25]]} for i in range(6000)]
+    text = dump_yaml({"version": 1, "obstacles": walls, "arena": {"kind": "none"}})
+    assert len(text) > 1.4 * 2**18
+    (tmp_path / "scenario.resolved.yaml").write_text(text, encoding="utf-8")
+    assert len(read_obstacles(tmp_path)) == 6000

@@ -1,6 +1,7 @@
 """What the next actions of avatars are worth: the sum of the value terms, which are listed here."""
 
 from crowdsim.crowd.kernels.layout import AHEAD
+from crowdsim.crowd.kernels.terms.backs import turn_out
 from crowdsim.crowd.kernels.terms.collision_avoidance import avoid_collisions
 from crowdsim.crowd.kernels.terms.defence import defend
 from crowdsim.crowd.kernels.terms.facing import face_opponent
@@ -17,7 +18,7 @@ from crowdsim.jit import kernel
 
 TERMS = (
     "learned", "collisions", "repetition", "defence", "rest", "strikes", "stun", "stillness", "facing", "guard",
-    "stance", "pace",
+    "stance", "pace", "backs",
 )  # fmt: skip
 """Names of the terms, by their numbers."""
 
@@ -68,3 +69,5 @@ def _add_terms(model, avatars, world, now, own, observed, q, scratch, first, sto
         keep_stance(model, avatars, world, now, own, observed, q, scratch)
     if first <= 11 < stop:
         keep_pace(model, avatars, world, now, own, observed, q, scratch)
+    if first <= 12 < stop:
+        turn_out(model, avatars, world, now, own, observed, q, scratch)
