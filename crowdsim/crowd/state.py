@@ -47,7 +47,8 @@ def read_state(simulation: Changing) -> dict[str, Array]:
     avatars, agenda = simulation.avatars, simulation._agenda
     state = {}
     for name, values in _arrays(avatars).items():
-        stored = values[avatars.slot_of] if name in BY_SLOT else values
+        # Numpy takes records as a whole, and copies them field by field where they are indexed.
+        stored = values.take(avatars.slot_of) if name in BY_SLOT else values
         state.update({field: column.copy() for field, column in _columns(f"avatars.{name}", stored).items()})
     present = np.zeros(simulation.crowd.count, bool)
     present[avatars.number[: simulation.present]] = True

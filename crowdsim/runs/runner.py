@@ -300,7 +300,7 @@ def _write_take(one: Run, crowd: Crowd, origin: Origin, begun: Checkpoint | None
     from crowdsim.runs.recording import write_take
 
     path = one.work / TAKE
-    counter = StatisticsCounter(crowd.policies, crowd.cast.policies, crowd.cast.widths, crowd.frames)
+    counter = StatisticsCounter(crowd.policies, crowd.cast.policies, crowd.cast.widths, crowd.frames, one.threads)
     take, timings = write_take(one, crowd, origin.checksum, begun, counter)
     size = sum(stat_plain(path, name).st_size for name in walk(path))
     one.report.outputs["take"] = (one.folder / TAKE, 1, size)

@@ -130,7 +130,7 @@ def _insert(number, i, distance, held_now, out_points, out_distances):
 
 
 @kernel(allocates=False)
-def _gather(tree, query, reach, out_points, out_distances, stack):
+def gather(tree, query, reach, out_points, out_distances, stack):
     """List the nearest points within ``reach`` (squared), nearest first; return how many."""
     count = tree.xs.shape[0]
     held_now = 0
@@ -182,7 +182,7 @@ def query_neighbours(tree, queries, reach, first, last, out_counts, out_points):
     stack, distances = np.empty(64, np.int64), np.empty(out_points.shape[1])
     for q in range(first, last):
         query = Query(queries.x[q], queries.z[q], queries.own[q], queries.skip[q])
-        out_counts[q] = _gather(tree, query, reach * reach, out_points[q], distances, stack)
+        out_counts[q] = gather(tree, query, reach * reach, out_points[q], distances, stack)
 
 
 @kernel
@@ -316,7 +316,7 @@ def _list_neighbours(tree, query, q, copied, reach, observed, space):
                     best, found = distance, i
         held = listed
     else:
-        held = _gather(tree, query, reach * reach, neighbours, space.nearest, space.stack)
+        held = gather(tree, query, reach * reach, neighbours, space.nearest, space.stack)
         for n in range(held):
             if found < 0 and tree.team[neighbours[n]] != skip and tree.team[neighbours[n]] >= 0:
                 best, found = space.nearest[n], np.int64(neighbours[n])
