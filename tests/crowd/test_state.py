@@ -18,7 +18,7 @@ from crowdsim.crowd.triggers import AtFrame, Landed, Near
 POLICIES = [policy(0, "v", name="one"), policy(1, "q", frames=50, stride=2, name="two")]
 GROUPS = np.arange(12) // 6
 FRAMES = 60
-SCRATCH = ("_scratch", "_stages._due", "_stages._avatars.", "_stages._index", "_index")
+SCRATCH = ("_scratch", "_stages._due", "_stages._rooms", "_stages._avatars.", "_stages._index", "_index")
 """Arrays that change too, but hold nothing from one frame to the next that results depend on."""
 
 
