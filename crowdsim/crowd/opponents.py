@@ -36,6 +36,9 @@ class Index(Protocol):
     def observe(self, avatars: Avatars, due: Array, reach: float, out: Observed) -> None:
         """Write the nearest opponent's slot, and the slots of neighbours, for each slot of ``due``, which ascend."""
 
+    def fitted(self) -> Tree:
+        """Return a tree over the avatars that is fitted to where they are now."""
+
     def reset(self) -> None:
         """Forget the order, since other avatars are present, or they fight otherwise."""
 
@@ -79,6 +82,12 @@ class TreeIndex:
         else:
             fit_tree(self._tree, self._workers)
         self._age += 1
+
+    def fitted(self) -> Tree:
+        """Return a tree over the avatars that is fitted to where they are now."""
+        assert self._tree is not None
+        fit_tree(self._tree, self._workers)
+        return self._tree
 
     def _extents(self) -> float:
         """Return the length of all sides of the leaves' boxes; that of a tree which is not fitted yet has no end."""

@@ -167,10 +167,9 @@ class Stages:
         thrown = np.concatenate([empty_strikes(0), *(found[first] for first in sorted(found))])
         felled, held = resolve(self._model, self._avatars, world, now.frame, thrown, 0, len(thrown))
         if felled > 0:
-            present, most = now.present, self._crowding.most
-            observed = Observed(np.empty(1, np.int32), np.empty(1, np.int32), np.empty((1, most), np.int32))
-            distances, hits = np.empty(present), np.empty(present, np.int64)
-            knock_down(self._model, self._avatars, world, now, thrown, 0, held, self._due, observed, distances, hits)
+            observed, _ = room = self._rooms.pop() if self._rooms else self._make_room()
+            knock_down(self._model, self._avatars, world, now, thrown, 0, held, self._index.fitted(), observed)
+            self._rooms.append(room)
         return thrown[:held]
 
 
