@@ -153,7 +153,8 @@ def store_in_order(avatars: Avatars, order: Array, workers: Workers = SERIAL) ->
     """Bring the first slots into another order; ``order`` is where each slot's avatar is now. Shape (n,)."""
     count = len(order)
     # As plain bytes: numpy copies records field by field. The largest come first, so that threads end together.
-    stored = [values[:count].view(f"V{values.itemsize}") for values in (getattr(avatars, name) for name in BY_SLOT)]
+    arrays = [getattr(avatars, name) for name in BY_SLOT]
+    stored = [values[:count].view(f"V{values.itemsize}") for values in arrays if len(values)]
     stored.sort(key=lambda values: -values.itemsize)
 
     def bring(first: int, last: int) -> None:
