@@ -23,8 +23,8 @@ from crowdsim.errors import RunError
 _TOGETHER = 512
 """Most avatars of one thread that observe and choose together; what they read and note stays in a processor's cache."""
 
-_DECISIONS = 128
-"""Fewest decisions that are worth a range of their own, about 0.1 ms."""
+_DECISIONS = 256
+"""Fewest decisions that are worth a range of their own, about 0.3 ms."""
 
 
 class Stages:

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from types import TracebackType
 
-GRAIN = 2048
+GRAIN = 4096
 """Fewest items that are worth a range of their own."""
 
 _RANGES = 4
