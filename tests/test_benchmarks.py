@@ -24,7 +24,9 @@ KEYS = {
         *(f"brawl_30.{name}" for name in ("milliseconds", "ratio_to_ckdtree")),
         *(f"scale.{kind}.ns_per_avatar_frame_{size}" for kind in ("spread", "clustered", "armies")
           for size in ("10k", "100k", "1m")),
-        "million_frame_milliseconds", "crowd_1m.milliseconds", "jupedsim.ratio_100k",
+        "million_frame_milliseconds", "jupedsim.ratio_100k",
+        *(f"crowd_1m.{name}" for name in ("milliseconds", "ratio_to_ckdtree", "worst_frame_to_median",
+                                          "bytes_per_avatar", "around_to_control")),
         "decision.ratio_to_motion_matching",
     ],
     "batch": [

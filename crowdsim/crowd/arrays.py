@@ -153,7 +153,7 @@ class Avatars(NamedTuple):
         opponent: Number of its opponent, -2 - k for scripted target k, -1 for none. Shape (N,), int32.
         motion: What others see of its motion. Shape (N,), ``MOTION``.
         playback: How its action is played back. Shape (N,), ``PLAYBACK``.
-        slides: How far it slides while it falls. Shape (N,), ``SLIDE``.
+        slides: How far it slides while it falls. Shape (N,), or (0,) where no avatar falls, ``SLIDE``.
         fight: What its decisions read. Shape (N,), ``FIGHT``.
         slot_of: Slot of each number. Shape (N,), int32.
         shown: Motion (``Model.twins``) of each number's latest actions, a ring by decisions;
@@ -187,7 +187,7 @@ class Avatars(NamedTuple):
 
 
 BY_SLOT = Avatars._fields[: Avatars._fields.index("slot_of")]
-"""Arrays of ``Avatars`` with an entry for each slot; the others do not depend on slots."""
+"""Arrays of ``Avatars`` with an entry for each slot, or none; the others do not depend on slots."""
 
 
 class Arena(NamedTuple):

@@ -264,7 +264,7 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
         opponent=np.zeros(count, np.int32),
         motion=empty_records(count, MOTION),
         playback=empty_records(count, PLAYBACK),
-        slides=empty_records(count, SLIDE),
+        slides=empty_records(count if crowd.conditioned else 0, SLIDE),
         fight=empty_records(count, FIGHT),
         slot_of=slot_of,
         shown=np.empty((count, LATEST), np.uint16),
@@ -320,7 +320,6 @@ def enter(
     turn = heading - ground["heading"]
     cos, sin = np.cos(turn) * scale, np.sin(turn) * scale
     avatars.x[slots], avatars.z[slots], avatars.heading[slots], avatars.opponent[slots] = x, z, heading, -1
-    avatars.slides["x"][slots] = avatars.slides["z"][slots] = 0.0
     began = {
         "motion": {
             **{"end_x": x, "end_z": z, "halt_x": x, "halt_z": z},
@@ -350,3 +349,4 @@ def enter(
         rows["tempo"], rows["aggression"], rows["range"] = temperaments.T
         rows["stance"] = crowd.cast.stances[numbers]
         avatars.conditions[numbers] = rows
+        avatars.slides["x"][slots] = avatars.slides["z"][slots] = 0.0

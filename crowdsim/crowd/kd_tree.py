@@ -20,7 +20,7 @@ from crowdsim.crowd.workers import Workers
 LEAF = 32
 """Most points in a leaf."""
 
-_SERIAL = Workers(1)
+SERIAL = Workers(1)
 
 
 def plan_tree(xs: Array, zs: Array, number: Array, team: Array) -> Tree:
@@ -34,7 +34,7 @@ def plan_tree(xs: Array, zs: Array, number: Array, team: Array) -> Tree:
     return Tree(xs, zs, number, team, depth, boxes, np.full(len(boxes), -1, np.int32))
 
 
-def sort_tree(tree: Tree, workers: Workers = _SERIAL) -> Array:
+def sort_tree(tree: Tree, workers: Workers = SERIAL) -> Array:
     """Sort ``xs`` and ``zs`` in place into the order of the leaves; return the order. Shape (N,), int32.
 
     ``number`` and ``team`` are not touched: the caller brings them, and all else that it keeps, into the same order.
@@ -53,7 +53,7 @@ def sort_tree(tree: Tree, workers: Workers = _SERIAL) -> Array:
     return order
 
 
-def fit_tree(tree: Tree, workers: Workers = _SERIAL) -> None:
+def fit_tree(tree: Tree, workers: Workers = SERIAL) -> None:
     """Fit all boxes to where the points are now."""
     if len(tree.xs) == 0:
         return
@@ -61,13 +61,16 @@ def fit_tree(tree: Tree, workers: Workers = _SERIAL) -> None:
     fit_nodes(tree)
 
 
-def build_tree(x: ArrayLike, z: ArrayLike, team: ArrayLike | None = None) -> tuple[Tree, Array]:
+def build_tree(
+    x: ArrayLike, z: ArrayLike, team: ArrayLike | None = None, workers: Workers = SERIAL
+) -> tuple[Tree, Array]:
     """Return a tree over copies of points, and the order of its leaves.
 
     Args:
         x: Positions across [m]. Shape (N,).
         z: Positions ahead [m]. Shape (N,).
         team: Team of each point, 0 or greater; without it everyone is a team of one's own. Shape (N,).
+        workers: Threads to build it.
 
     Returns:
         The tree, in which a point's ``number`` is its index here, and the index of each of its points. Shape (N,).
@@ -82,14 +85,14 @@ def build_tree(x: ArrayLike, z: ArrayLike, team: ArrayLike | None = None) -> tup
     bad = np.flatnonzero(~np.isfinite(xs) | ~np.isfinite(zs))
     if len(bad):
         raise ValueError(f"point {bad[0]} is at ({xs[bad[0]]}, {zs[bad[0]]}), expected finite positions")
-    order = sort_tree(plan_tree(xs, zs, np.arange(len(xs), dtype=np.int32), teams))
+    order = sort_tree(plan_tree(xs, zs, np.arange(len(xs), dtype=np.int32), teams), workers)
     tree = plan_tree(xs, zs, order, teams[order])
-    fit_tree(tree)
+    fit_tree(tree, workers)
     return tree, order
 
 
 def nearest(
-    tree: Tree, x: Array, z: Array, own: Array, own_team: Array, workers: Workers = _SERIAL
+    tree: Tree, x: Array, z: Array, own: Array, own_team: Array, workers: Workers = SERIAL
 ) -> tuple[Array, Array]:
     """Return the nearest point of another team, and its squared distance, for each query.
 
@@ -112,7 +115,7 @@ def nearest(
 
 
 def neighbours(
-    tree: Tree, x: Array, z: Array, own: Array, reach: float, most: int, workers: Workers = _SERIAL
+    tree: Tree, x: Array, z: Array, own: Array, reach: float, most: int, workers: Workers = SERIAL
 ) -> tuple[Array, Array]:
     """Return the number of points within ``reach`` [m] of each query, and the nearest ``most`` of them.
 

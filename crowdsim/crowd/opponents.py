@@ -13,7 +13,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import BY_SLOT, Avatars
-from crowdsim.crowd.kd_tree import fit_tree, plan_tree, sort_tree
+from crowdsim.crowd.kd_tree import SERIAL, fit_tree, plan_tree, sort_tree
 from crowdsim.crowd.kernels.kd_queries import observe
 from crowdsim.crowd.kernels.kd_tree import Tree
 from crowdsim.crowd.kernels.layout import Observed
@@ -35,6 +35,9 @@ class Index(Protocol):
 
     def observe(self, avatars: Avatars, due: Array, reach: float, out: Observed) -> None:
         """Write the nearest opponent's slot, and the slots of neighbours, for each slot of ``due``, which ascend."""
+
+    def fitted(self) -> Tree:
+        """Return a tree over the avatars that is fitted to where they are now."""
 
     def reset(self) -> None:
         """Forget the order, since other avatars are present, or they fight otherwise."""
@@ -73,12 +76,18 @@ class TreeIndex:
             self._age, self._extent = self._sort_every, 0.0
         if self._age >= self._sort_every and self._extents() > GROWN * self._extent:
             copy = self._tree._replace(xs=avatars.x[:present].copy(), zs=avatars.z[:present].copy())
-            store_in_order(avatars, sort_tree(copy, self._workers))
+            store_in_order(avatars, sort_tree(copy, self._workers), self._workers)
             fit_tree(self._tree, self._workers)
             self._age, self._extent = 0, self._extents()
         else:
             fit_tree(self._tree, self._workers)
         self._age += 1
+
+    def fitted(self) -> Tree:
+        """Return a tree over the avatars that is fitted to where they are now."""
+        assert self._tree is not None
+        fit_tree(self._tree, self._workers)
+        return self._tree
 
     def _extents(self) -> float:
         """Return the length of all sides of the leaves' boxes; that of a tree which is not fitted yet has no end."""
@@ -140,10 +149,17 @@ def build_index(search: str, workers: Workers, sort_every: int = SORT_EVERY) -> 
     raise ValueError(f"search is {search!r}, expected one of {', '.join(SEARCHES)}")
 
 
-def store_in_order(avatars: Avatars, order: Array) -> None:
+def store_in_order(avatars: Avatars, order: Array, workers: Workers = SERIAL) -> None:
     """Bring the first slots into another order; ``order`` is where each slot's avatar is now. Shape (n,)."""
     count = len(order)
-    for name in BY_SLOT:
-        values = getattr(avatars, name)
-        values[:count] = values[:count][order]
+    # As plain bytes: numpy copies records field by field. The largest come first, so that threads end together.
+    arrays = [getattr(avatars, name) for name in BY_SLOT]
+    stored = [values[:count].view(f"V{values.itemsize}") for values in arrays if len(values)]
+    stored.sort(key=lambda values: -values.itemsize)
+
+    def bring(first: int, last: int) -> None:
+        for values in stored[first:last]:
+            values[:] = values.take(order)
+
+    workers.each(bring, len(stored), grain=1)
     avatars.slot_of[avatars.number[:count]] = np.arange(count, dtype=np.int32)

@@ -485,7 +485,7 @@ class Simulation:
         from crowdsim.crowd.opponents import store_in_order
 
         fresh = np.append(self.avatars.number[self._fresh], np.asarray(entering, np.int64))
-        store_in_order(self.avatars, np.argsort(~now, kind="stable"))
+        store_in_order(self.avatars, np.argsort(~now, kind="stable"), self._workers)
         self.present = int(np.count_nonzero(now))
         slots = self.avatars.slot_of[fresh]
         self._fresh = np.unique(slots[slots < self.present]).astype(np.int32)

@@ -47,7 +47,8 @@ def read_state(simulation: Changing) -> dict[str, Array]:
     avatars, agenda = simulation.avatars, simulation._agenda
     state = {}
     for name, values in _arrays(avatars).items():
-        stored = values[avatars.slot_of] if name in BY_SLOT else values
+        # Numpy takes records as a whole, and copies them field by field where they are indexed.
+        stored = values.take(avatars.slot_of) if name in BY_SLOT and len(values) else values
         state.update({field: column.copy() for field, column in _columns(f"avatars.{name}", stored).items()})
     present = np.zeros(simulation.crowd.count, bool)
     present[avatars.number[: simulation.present]] = True
@@ -91,7 +92,7 @@ def write_state(simulation: Changing, state: Mapping[str, Array]) -> None:
     order = np.argsort(~state["present"], kind="stable").astype(np.int32)
     for name, values in _arrays(avatars).items():
         for field, column in _columns(f"avatars.{name}", values).items():
-            column[...] = state[field][order] if name in BY_SLOT else state[field]
+            column[...] = state[field][order] if name in BY_SLOT and len(values) else state[field]
     avatars.slot_of[order] = np.arange(len(order), dtype=np.int32)
     simulation.present = int(np.count_nonzero(state["present"]))
     simulation._fresh = np.sort(avatars.slot_of[state["fresh"]]).astype(np.int32)

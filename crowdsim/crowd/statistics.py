@@ -10,10 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
+from crowdsim.core.workers import share
 from crowdsim.crowd.chunk import Chunk
 from crowdsim.crowd.events import OUTCOMES
-from crowdsim.crowd.kd_tree import build_tree, neighbours
+from crowdsim.crowd.kd_tree import build_tree
 from crowdsim.crowd.kernels.layout import BLOCKED, EVADED, LANDED, MISSED
+from crowdsim.crowd.kernels.statistics import count_frames, find_overlaps
+from crowdsim.crowd.workers import Workers
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -23,6 +26,8 @@ BODY_RADIUS = 0.2
 """Radius of the disc that a body of scale 1 takes up [m]."""
 
 _OVERLAP_AVATAR_FRAMES = 2_000_000
+_AVATARS = 16_384
+"""Fewest avatars whose counting is worth a range of its own."""
 _FEW = 128
 """As many bodies are compared in pairs, which needs no compiled tree."""
 
@@ -70,15 +75,21 @@ class StatisticsCounter:
         policy: Policy of each avatar. Shape (N,).
         scale: Scale of each avatar. Shape (N,).
         planned: Control frames planned; of many avatar-frames only every so many-th frame is looked at for overlaps.
+        threads: Threads that count.
     """
 
-    def __init__(self, policies: Sequence[Policy], policy: ArrayLike, scale: ArrayLike, planned: int = 1) -> None:
-        self._rate = float(policies[0].database.control_rate)
-        self._policy, self._scale = np.asarray(policy, np.int64), np.asarray(scale, dtype=float)
-        self._starts = np.concatenate([[0], np.cumsum([one.actions.action_count for one in policies])])
+    def __init__(
+        self, policies: Sequence[Policy], policy: ArrayLike, scale: ArrayLike, planned: int = 1, threads: int = 1
+    ) -> None:
+        self._rate, self._threads = float(policies[0].database.control_rate), threads
+        self._scale = np.asarray(scale, dtype=float)
+        starts = np.concatenate([[0], np.cumsum([one.actions.action_count for one in policies])])
+        self._first_action = starts[np.asarray(policy, np.int64)].astype(np.int32)
         self._is_transition = np.concatenate([np.asarray(one.actions.costs) > 0 for one in policies])
         self._every = max(1, -(-planned * len(self._scale) // _OVERLAP_AVATAR_FRAMES))
-        self._last: tuple[Array, ...] | None = None
+        # Nothing is before the first frame.
+        self._last_done = np.zeros(len(self._scale), np.float32)
+        self._last_shown = np.full((2, len(self._scale)), -1, np.int32)
         self._frames = self._present = self._changes = self._transitions = 0
         self._looked = self._overlapping = 0
         self._outcomes, self._downs = np.zeros(len(OUTCOMES), np.int64), 0
@@ -95,29 +106,29 @@ class StatisticsCounter:
 
     def add_frames(self, rows: Mapping[str, Array]) -> None:
         """Count more control frames: what is recorded of each avatar, (n, N) each, by name."""
-        names = ("action", "action_frame", "opponent")
-        now = [np.asarray(rows[name]) for name in names]
-        if not len(now[0]):
-            return
-        # Nothing is before the first frame.
-        lasts = self._last or [values[:0] for values in now]
-        before = [np.concatenate([last, values[:-1]]) for last, values in zip(lasts, now, strict=True)]
-        here, first = now[0] >= 0, len(now[0]) - len(before[0])
-        self._present += int(np.count_nonzero(here))
-        action, done, opponent = (values[first:] for values in now)
-        both = here[first:] & (before[0] >= 0)
-        switched = both & ((action != before[0]) | (done <= before[1]))
-        whose = (self._starts[self._policy] + action)[switched]
-        self._transitions += int(np.count_nonzero(self._is_transition[whose]))
-        known = both & (opponent != -1) & (before[2] != -1)
-        self._changes += int(np.count_nonzero(known & (opponent != before[2])))
-        self._last = tuple(values[-1:].copy() for values in now)
-        for frame in range(-self._frames % self._every, len(here), self._every):
-            there = here[frame]
-            self._looked += int(np.count_nonzero(there))
-            x, z = (rows[name][frame][there] for name in ("x", "z"))
-            self._overlapping += int(np.count_nonzero(overlapping(x, z, self._scale[there])))
-        self._frames += len(here)
+        action, opponent = (np.ascontiguousarray(rows[name], np.int32) for name in ("action", "opponent"))
+        done = np.ascontiguousarray(rows["action_frame"], np.float32)
+        counts: list[Array] = []
+
+        def count(first: int, last: int) -> None:
+            found = np.empty(3, np.int64)
+            count_frames(
+                action, done, opponent, self._first_action, self._is_transition, first, last, self._last_done,
+                self._last_shown, found,
+            )  # fmt: skip
+            counts.append(found)
+
+        share(len(self._scale), count, threads=self._threads, least=_AVATARS)
+        present, transitions, changes = np.sum([np.zeros(3, np.int64), *counts], axis=0).tolist()
+        self._present, self._transitions = self._present + present, self._transitions + transitions
+        self._changes += changes
+        for frame in range(-self._frames % self._every, len(action), self._every):
+            here = action[frame] >= 0
+            self._looked += int(np.count_nonzero(here))
+            x, z = (np.asarray(rows[name][frame])[here] for name in ("x", "z"))
+            found = overlapping(x, z, self._scale[here], threads=self._threads)
+            self._overlapping += int(np.count_nonzero(found))
+        self._frames += len(action)
 
     def finish(self) -> CrowdStatistics:
         """Return what has been counted."""
@@ -139,17 +150,22 @@ class StatisticsCounter:
         )
 
 
-def overlapping(x: ArrayLike, z: ArrayLike, scale: ArrayLike = 1.0, radius: float = BODY_RADIUS) -> Array:
+def overlapping(
+    x: ArrayLike, z: ArrayLike, scale: ArrayLike = 1.0, radius: float = BODY_RADIUS, threads: int = 1
+) -> Array:
     """Return whether each body's disc overlaps another's: closer than the two radii, each times its scale.
+
+    Of many bodies, each is compared with the sixteen nearest.
 
     Args:
         x: Positions [m]. Shape (N,).
         z: Likewise. Shape (N,).
         scale: Scale of each body. Shape (N,) or ().
         radius: Radius for scale 1 [m].
+        threads: Threads that compare many bodies.
     """
     xs, zs = np.asarray(x, dtype=float), np.asarray(z, dtype=float)
-    radii = np.broadcast_to(np.asarray(scale, dtype=float) * radius, xs.shape)
+    radii = np.ascontiguousarray(np.broadcast_to(np.asarray(scale, dtype=float) * radius, xs.shape))
     if len(xs) < 2:
         return np.zeros(len(xs), bool)
     if len(xs) <= _FEW:
@@ -157,13 +173,8 @@ def overlapping(x: ArrayLike, z: ArrayLike, scale: ArrayLike = 1.0, radius: floa
         np.fill_diagonal(near, val=False)
         few: Array = near.any(axis=1)
         return few
-    tree, order = build_tree(xs, zs)
-    own = np.arange(len(xs), dtype=np.int32)
-    counts, near = neighbours(tree, tree.xs, tree.zs, own, float(2 * radii.max()), 16)
-    listed = np.arange(near.shape[1]) < counts[:, None]
-    others = np.where(listed, near, 0)
-    distance = np.hypot(tree.xs[:, None] - tree.xs[others], tree.zs[:, None] - tree.zs[others])
-    closer = listed & (distance < radii[order][:, None] + radii[order][others])
-    result = np.empty(len(xs), bool)
-    result[order] = closer.any(axis=1)
+    result, greatest = np.empty(len(xs), bool), float(radii.max())
+    with Workers(threads) as workers:
+        tree, order = build_tree(xs, zs, workers=workers)
+        workers.each(lambda first, last: find_overlaps(tree, order, radii, greatest, first, last, result), len(xs))
     return result

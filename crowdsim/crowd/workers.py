@@ -1,13 +1,18 @@
-"""Threads that share out ranges of work; kernels release the GIL, so plain threads are enough."""
+"""Threads that take ranges of work; kernels release the GIL, so plain threads are enough."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from types import TracebackType
 
-GRAIN = 2048
-"""Fewest items that are worth a thread of their own."""
+GRAIN = 4096
+"""Fewest items that are worth a range of their own."""
+
+_RANGES = 4
+"""Ranges for each thread, so that a thread whose items take less time, or that begins sooner, works on more."""
 
 
 class Workers:
@@ -35,16 +40,32 @@ class Workers:
             self._pool = None
 
     def each(self, work: Callable[[int, int], object], count: int, grain: int = GRAIN) -> None:
-        """Call ``work(first, last)`` on ranges that together cover ``0`` to ``count``, and wait for all of them."""
-        parts = min(self.threads, count // grain) if self._pool is not None else 1
+        """Call ``work(first, last)`` on ranges that together cover ``0`` to ``count``, and wait for all of them.
+
+        Each thread takes a range when it has done the one before. After an error no further range is begun.
+        """
+        parts = min(_RANGES * self.threads, count // grain) if self._pool is not None else 1
         if parts <= 1:
             if count > 0:
                 work(0, count)
             return
-        bounds = [count * k // parts for k in range(parts + 1)]
-        pool = self._pool
-        assert pool is not None
-        futures = [pool.submit(work, bounds[k], bounds[k + 1]) for k in range(1, parts)]
-        work(bounds[0], bounds[1])
-        for future in futures:
-            future.result()
+        ranges = deque(pairwise([count * k // parts for k in range(parts + 1)]))
+
+        def work_off() -> None:
+            while True:
+                try:
+                    first, last = ranges.popleft()
+                except IndexError:
+                    return
+                work(first, last)
+
+        assert self._pool is not None
+        futures = [self._pool.submit(work_off) for _ in range(min(self.threads, parts) - 1)]
+        try:
+            work_off()
+        finally:
+            ranges.clear()
+            errors = [future.exception() for future in futures]
+        for error in errors:
+            if error is not None:
+                raise error

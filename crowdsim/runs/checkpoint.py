@@ -32,6 +32,9 @@ VERSION = 2
 SHARE = 0.005
 """Share of a run's time that checkpoints may take."""
 
+AT_FIRST = 4e-9
+"""What a byte of the first checkpoint is taken to cost [s]."""
+
 LASTS_AFTER = 10.0
 """How long a run must have taken for its checkpoints to survive a power cut [s]; the wait for the disk costs 50 ms."""
 
@@ -204,13 +207,14 @@ class Pace:
     """Says when the next checkpoint may be written, so that all of them take no more than ``SHARE`` of the time.
 
     A byte is taken to cost as much as in the one before: a small checkpoint, at the end of a chunk, may come sooner.
+    The first one waits like the others, since there is little that it would save.
 
     Args:
         lasts: Whether the first one is to survive a power cut already, since the one that it replaces does.
     """
 
     def __init__(self, lasts: bool = False) -> None:
-        self._wrote = self._seconds_per_byte = 0.0
+        self._wrote, self._seconds_per_byte = perf_counter(), AT_FIRST
         self._lasting = 0.0 if lasts else perf_counter() + LASTS_AFTER
 
     @property

@@ -178,4 +178,5 @@ def _begin(run: Run, crowd: Crowd) -> tuple[TakeWriter, StatisticsCounter]:
     """Return what writes the take of a run, and what counts its frames."""
     header, chunk = take_header(run.scenario, crowd), run.scenario.outputs.take.chunk
     writer = TakeWriter(run.work / TAKE, header, crowd.frames, chunk)
-    return writer, StatisticsCounter(crowd.policies, crowd.cast.policies, crowd.cast.widths, crowd.frames)
+    cast = crowd.cast
+    return writer, StatisticsCounter(crowd.policies, cast.policies, cast.widths, crowd.frames, run.threads)

@@ -12,6 +12,7 @@ from crowdsim.crowd.kernels.falling import (
     ASIDE,
     BESIDE,
     FURTHEST_ASIDE,
+    GRAIN,
     LASTS,
     LATELY,
     LIKE,
@@ -20,8 +21,10 @@ from crowdsim.crowd.kernels.falling import (
     UNLIKE,
     _unlike,
     pick_fall,
+    shown_anywhere,
     shown_before,
 )
+from crowdsim.crowd.kernels.kd_tree import everyone
 from crowdsim.crowd.kernels.layout import Observed
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
@@ -106,6 +109,8 @@ def test_falls_that_were_shown_cost_more_the_nearer_and_the_later_they_were() ->
         avatars.conditions["fell"][number] = rng.choice(rows) + 1
         avatars.conditions["fell_frame"][number] = rng.integers(0, frame)
     avatars.x[avatars.slot_of[4]] += 30.0
+    anywhere, stack = np.full(len(falls), np.inf), np.empty(64, np.int64)
+    shown_anywhere(one.model, avatars, frame, anywhere)
     for own in range(one.present):
         expected = np.zeros(len(falls))
         for number, row in enumerate(avatars.conditions):
@@ -116,8 +121,8 @@ def test_falls_that_were_shown_cost_more_the_nearer_and_the_later_they_were() ->
                 twin = falls["twin"][int(row["fell"]) - 1]
                 expected[twin] += (SHOWN + (BESIDE if far < NEARBY else 0.0)) * of_late
         found = np.full(len(falls), np.inf)
-        shown_before(one.model, avatars, frame, own, found)
-        np.testing.assert_allclose(found, expected, rtol=1e-12)
+        shown_before(one.model, avatars, frame, own, everyone(avatars, one.present), anywhere, stack, found)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=one.present / GRAIN)
         assert found.sum() > 0.0
 
 

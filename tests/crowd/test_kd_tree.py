@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 
 from crowdsim.crowd.kd_tree import LEAF, build_tree, fit_tree, nearest, neighbours, sort_tree
 from crowdsim.crowd.kernels.kd_queries import observe
+from crowdsim.crowd.kernels.kd_tree import widen
 from crowdsim.crowd.kernels.layout import Observed
 from crowdsim.crowd.workers import Workers
 
@@ -64,6 +65,21 @@ def test_neighbours_are_those_of_a_direct_comparison_nearest_first(kind, count, 
     counts, points = neighbours(tree, tree.xs, tree.zs, own, 1.5, most)
     for place, i in enumerate(order):
         expected = naive_opponents.neighbours(x, z, x[i], z[i], i, 1.5, most)
+        assert order[points[place, : counts[place]]].tolist() == expected
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_points_that_move_are_found_where_they_are_once_boxes_are_widened(kind):
+    count, rng = 500, np.random.default_rng(1)
+    tree, order = build_tree(*positions(kind, count, 1))
+    for i in rng.choice(count, 20).tolist():
+        tree.xs[i], tree.zs[i] = rng.uniform(-9, 9, 2)
+        widen(tree, i)
+    x, z = np.empty((2, count))
+    x[order], z[order] = tree.xs, tree.zs
+    counts, points = neighbours(tree, tree.xs, tree.zs, np.arange(count, dtype=np.int32), 1.5, 6)
+    for place, i in enumerate(order):
+        expected = naive_opponents.neighbours(x, z, x[i], z[i], i, 1.5, 6)
         assert order[points[place, : counts[place]]].tolist() == expected
 
 

@@ -10,6 +10,7 @@ import pytest
 from synthetic_policy import policy
 from test_simulation import bytes_of, crowd
 
+from crowdsim.crowd.kernels.records import RULE
 from crowdsim.crowd.script import Change, CirclePath
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.state import STATE
@@ -18,7 +19,7 @@ from crowdsim.crowd.triggers import AtFrame, Landed, Near
 POLICIES = [policy(0, "v", name="one"), policy(1, "q", frames=50, stride=2, name="two")]
 GROUPS = np.arange(12) // 6
 FRAMES = 60
-SCRATCH = ("_scratch", "_stages._due", "_stages._avatars.", "_stages._index", "_index")
+SCRATCH = ("_scratch", "_stages._due", "_stages._rooms", "_stages._avatars.", "_stages._index", "_index")
 """Arrays that change too, but hold nothing from one frame to the next that results depend on."""
 
 
@@ -120,7 +121,8 @@ def test_a_state_of_another_crowd_is_refused(change: dict[str, Any], message: st
 @pytest.mark.parametrize("name", ["heading", "playback.base_x", "playback.base_turn", "slides.x", "motion.end_z"])
 @pytest.mark.parametrize("value", [np.nan, 1e300])
 def test_a_state_with_numbers_that_cannot_be_is_refused(name: str, value: float) -> None:
-    simulation = Simulation(replace(crowd(), policies=POLICIES))
+    # Where avatars may fall there is room for how far they slide.
+    simulation = Simulation(replace(crowd(), policies=POLICIES, conditioned=True, rules=np.zeros((1, len(RULE.names)))))
     state = simulation.state()
     state[f"avatars.{name}"][3] = value
     with pytest.raises(ValueError, match=name):

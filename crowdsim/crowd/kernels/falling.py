@@ -6,6 +6,7 @@ import numpy as np
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.crowd.kernels.fall_clearance import roomiest
+from crowdsim.crowd.kernels.kd_queries import box_distance
 from crowdsim.crowd.kernels.layout import FALLS, STANDS_UP, STUMBLES_ON
 from crowdsim.crowd.kernels.lying import axis_of, from_axis, is_on_floor
 from crowdsim.jit import kernel
@@ -17,6 +18,7 @@ ASTRAY, FAR_ASTRAY = 3.0, 3  # how much an action from the avatar's stance count
 UNLIKE = 0.02  # how much the gap between poses and motion counts
 SHOWN, LATELY = 0.06, 450.0  # how much it counts that another has fallen so, and after how many frames half as much
 BESIDE, NEARBY = 0.3, 5.0  # how much more it counts of one that is so near [m]
+GRAIN = 1048576.0  # parts of one
 LASTS = 2.0  # how much motion in a control frame counts beside poses
 STAGGERS_BY = 0.7  # how far from the axis of a body others stagger [m]
 
@@ -74,20 +76,53 @@ def pick_fall(model, avatars, world, frame, own, kind, left, shown, observed, q)
 
 
 @kernel
-def shown_before(model, avatars, frame, own, costs):
-    """Write what it costs to fall as others have fallen, or the avatar itself: more of those near by and of late.
+def shown_anywhere(model, avatars, frame, out_costs):
+    """Write what it costs to fall as others have fallen, or the avatar itself: more of those of late.
 
-    That is for the first row of each captured fall; ``costs`` is of shape (rows of ``Model.falls``,).
+    That is for the first row of each captured fall; ``out_costs`` is of shape (rows of ``Model.falls``,).
     """
-    costs[:] = 0.0
+    out_costs[:] = 0.0
     for number in range(avatars.conditions.shape[0]):
-        other = avatars.conditions[number]
-        if other.fell > 0.0:
-            j = avatars.slot_of[number]
-            dx, dz = avatars.x[j] - avatars.x[own], avatars.z[j] - avatars.z[own]
-            near = BESIDE if dx * dx + dz * dz < NEARBY * NEARBY else 0.0
-            shows = model.falls[int(other.fell) - 1].twin
-            costs[shows] += (SHOWN + near) * LATELY / (LATELY + frame - other.fell_frame)
+        note_fall(model, avatars, frame, number, SHOWN, 1.0, out_costs)
+
+
+@kernel(inline=True)
+def note_fall(model, avatars, frame, number, counts, times, out_costs):
+    """Add ``times`` what the last fall of an avatar counts: ``counts`` at once, and half as much after ``LATELY``.
+
+    That is a whole number of parts, so that sums do not depend on the order of avatars.
+    """
+    other = avatars.conditions[number]
+    if other.fell > 0.0:
+        shows = model.falls[int(other.fell) - 1].twin
+        of_late = LATELY / (LATELY + frame - other.fell_frame)
+        out_costs[shows] += times * math.floor(counts * of_late * GRAIN + 0.5) / GRAIN
+
+
+@kernel(allocates=False)
+def shown_before(model, avatars, frame, own, tree, anywhere, stack, out_costs):
+    """Write what ``shown_anywhere`` writes, which is ``anywhere``, and more for falls of those near an avatar.
+
+    ``tree`` is fitted to where avatars are.
+    """
+    for row in range(out_costs.shape[0]):
+        out_costs[row] = anywhere[row]
+    x, z, count, leaves = avatars.x[own], avatars.z[own], tree.xs.shape[0], 1 << tree.depth
+    stack[0] = held = 1
+    while held > 0:
+        held -= 1
+        node = stack[held]
+        if box_distance(tree.boxes, node, x, z) >= NEARBY * NEARBY:
+            continue
+        if node < leaves:
+            stack[held], stack[held + 1] = 2 * node + 1, 2 * node
+            held += 2
+            continue
+        leaf = node - leaves
+        for i in range((leaf * count) >> tree.depth, ((leaf + 1) * count) >> tree.depth):
+            dx, dz = tree.xs[i] - x, tree.zs[i] - z
+            if dx * dx + dz * dz < NEARBY * NEARBY:
+                note_fall(model, avatars, frame, tree.number[i], BESIDE, 1.0, out_costs)
 
 
 @kernel(inline=True)

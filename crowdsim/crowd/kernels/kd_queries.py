@@ -46,7 +46,7 @@ class Space(NamedTuple):
 
 
 @kernel(allocates=False)
-def _box_distance(boxes, node, x, z):
+def box_distance(boxes, node, x, z):
     """Return the squared distance from a point to a box; 0 inside."""
     dx = max(max(boxes[node, 0] - x, x - boxes[node, 1]), 0.0)
     dz = max(max(boxes[node, 2] - z, z - boxes[node, 3]), 0.0)
@@ -58,7 +58,7 @@ def _nearest(tree, query, best, found, stack, far):
     """Return the nearest point that a query does not skip, or the one found before."""
     x, z, own, skip = query.x, query.z, query.own, query.skip
     boxes, box_teams, count = tree.boxes, tree.box_teams, tree.xs.shape[0]
-    root = _box_distance(boxes, 1, x, z)
+    root = box_distance(boxes, 1, x, z)
     if count == 0 or root > best or (skip >= 0 and box_teams[1] == skip):
         return best, found
     leaves = 1 << tree.depth
@@ -72,7 +72,7 @@ def _nearest(tree, query, best, found, stack, far):
             continue
         while node < leaves:
             a = 2 * node
-            da, db = _box_distance(boxes, a, x, z), _box_distance(boxes, a + 1, x, z)
+            da, db = box_distance(boxes, a, x, z), box_distance(boxes, a + 1, x, z)
             if skip >= 0:
                 if box_teams[a] == skip:
                     da = math.inf
@@ -130,7 +130,7 @@ def _insert(number, i, distance, held_now, out_points, out_distances):
 
 
 @kernel(allocates=False)
-def _gather(tree, query, reach, out_points, out_distances, stack):
+def gather(tree, query, reach, out_points, out_distances, stack):
     """List the nearest points within ``reach`` (squared), nearest first; return how many."""
     count = tree.xs.shape[0]
     held_now = 0
@@ -142,7 +142,7 @@ def _gather(tree, query, reach, out_points, out_distances, stack):
         held -= 1
         node = stack[held]
         limit = reach if held_now < room else out_distances[room - 1]
-        if _box_distance(tree.boxes, node, query.x, query.z) > limit:
+        if box_distance(tree.boxes, node, query.x, query.z) > limit:
             continue
         if node < leaves:
             stack[held] = 2 * node + 1
@@ -182,7 +182,7 @@ def query_neighbours(tree, queries, reach, first, last, out_counts, out_points):
     stack, distances = np.empty(64, np.int64), np.empty(out_points.shape[1])
     for q in range(first, last):
         query = Query(queries.x[q], queries.z[q], queries.own[q], queries.skip[q])
-        out_counts[q] = _gather(tree, query, reach * reach, out_points[q], distances, stack)
+        out_counts[q] = gather(tree, query, reach * reach, out_points[q], distances, stack)
 
 
 @kernel
@@ -316,7 +316,7 @@ def _list_neighbours(tree, query, q, copied, reach, observed, space):
                     best, found = distance, i
         held = listed
     else:
-        held = _gather(tree, query, reach * reach, neighbours, space.nearest, space.stack)
+        held = gather(tree, query, reach * reach, neighbours, space.nearest, space.stack)
         for n in range(held):
             if found < 0 and tree.team[neighbours[n]] != skip and tree.team[neighbours[n]] >= 0:
                 best, found = space.nearest[n], np.int64(neighbours[n])

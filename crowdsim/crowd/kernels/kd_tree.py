@@ -130,3 +130,23 @@ def fit_nodes(tree):
         boxes[node, 2] = min(boxes[a, 2], boxes[b, 2])
         boxes[node, 3] = max(boxes[a, 3], boxes[b, 3])
         teams[node] = teams[a] if teams[a] == teams[b] else -1
+
+
+@kernel(allocates=False)
+def widen(tree, i):
+    """Widen the boxes above point ``i``, which has moved, until it is in them."""
+    x, z, boxes = tree.xs[i], tree.zs[i], tree.boxes
+    node = (1 << tree.depth) + (((i + 1) << tree.depth) - 1) // tree.xs.shape[0]
+    while node > 0:
+        boxes[node, 0], boxes[node, 1] = min(boxes[node, 0], x), max(boxes[node, 1], x)
+        boxes[node, 2], boxes[node, 3] = min(boxes[node, 2], z), max(boxes[node, 3], z)
+        node >>= 1
+
+
+@kernel
+def everyone(avatars, present):
+    """Return a tree of one leaf, in which avatars are found by comparing with everyone, wherever these are."""
+    boxes = np.empty((2, 4))
+    boxes[:, 0::2], boxes[:, 1::2] = -math.inf, math.inf
+    xs, zs, number, team = avatars.x[:present], avatars.z[:present], avatars.number[:present], avatars.team[:present]
+    return Tree(xs, zs, number, team, 0, boxes, np.full(2, -1, np.int32))

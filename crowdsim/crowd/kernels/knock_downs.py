@@ -7,20 +7,23 @@ import numpy as np
 from crowdsim.crowd.kernels.advance import start_action
 from crowdsim.crowd.kernels.confinement import confine
 from crowdsim.crowd.kernels.fall_clearance import slide
-from crowdsim.crowd.kernels.falling import pick_fall, shown_before
+from crowdsim.crowd.kernels.falling import SHOWN, note_fall, pick_fall, shown_anywhere, shown_before
 from crowdsim.crowd.kernels.interpolation import ground_at
+from crowdsim.crowd.kernels.kd_queries import Query, gather
+from crowdsim.crowd.kernels.kd_tree import widen
 from crowdsim.crowd.kernels.layout import DROPS, FALLING, FALLS
-from crowdsim.crowd.kernels.opponents import observe_all
 from crowdsim.jit import kernel
 
 
 @kernel
-def knock_down(model, avatars, world, now, strikes, first, last, due, observed, distances, hits):
+def knock_down(model, avatars, world, now, strikes, first, last, tree, observed):
     """Let avatars fall that strikes ``first`` to ``last`` have knocked down, from the blow on, by their numbers.
 
-    ``due``, ``observed``, ``distances`` and ``hits`` are scratch space, see ``opponents.observe_all``.
+    ``tree`` is fitted to where avatars are, and is kept so; ``observed`` is scratch space.
     """
-    number, shown = -1, np.empty(model.falls.shape[0])
+    number, shown, anywhere = -1, np.empty(model.falls.shape[0]), np.empty(model.falls.shape[0])
+    stack, distances, reach = np.empty(64, np.int64), np.empty(observed.neighbours.shape[1]), world.crowding.sight
+    shown_anywhere(model, avatars, now.frame, anywhere)
     while True:
         blow = _next_blow(strikes, first, last, number)
         if blow < 0:
@@ -31,13 +34,15 @@ def knock_down(model, avatars, world, now, strikes, first, last, due, observed, 
             continue
         avatars.conditions[by].felled, avatars.conditions[by].felled_frame = number + 1.0, now.frame
         left = _leave(model, avatars, now.frame, own, hit)
-        due[0] = own
-        observe_all(avatars, now.present, due, 1, world.crowding.sight, observed, distances, hits)
-        shown_before(model, avatars, now.frame, own, shown)
+        around = Query(avatars.x[own], avatars.z[own], own, -1)
+        observed.counts[0] = gather(tree, around, reach * reach, observed.neighbours[0], distances, stack)
+        shown_before(model, avatars, now.frame, own, tree, anywhere, stack, shown)
         row = pick_fall(model, avatars, world, now.frame, own, FALLS, left[1], shown, observed, 0)
         condition = avatars.conditions[number]
         condition.fall, condition.standing_next, condition.piece = row, FALLING, 0.0
+        note_fall(model, avatars, now.frame, number, SHOWN, -1.0, anywhere)
         condition.fell, condition.fell_frame = row + 1.0, now.frame
+        note_fall(model, avatars, now.frame, number, SHOWN, 1.0, anywhere)
         slide(model, avatars, world, now.frame, own, row, observed, 0)
         start_action(model, avatars, world, now.frame, own, model.falls[row].action, left[0])
         avatars.motion[own].pending = model.actions[avatars.motion[own].action].first_strike
@@ -46,6 +51,7 @@ def knock_down(model, avatars, world, now, strikes, first, last, due, observed, 
         avatars.fight[own].decisions += 1
         if world.places.parts.shape[0] > 0:
             confine(model, avatars, world, now.frame, own)
+        widen(tree, own)
 
 
 @kernel(inline=True)

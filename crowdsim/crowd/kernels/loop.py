@@ -5,6 +5,7 @@ import numpy as np
 from crowdsim.crowd.kernels.advance import advance, switch
 from crowdsim.crowd.kernels.clock import note_time
 from crowdsim.crowd.kernels.decide import decide
+from crowdsim.crowd.kernels.kd_tree import everyone
 from crowdsim.crowd.kernels.knock_downs import knock_down
 from crowdsim.crowd.kernels.layout import Now, Observed
 from crowdsim.crowd.kernels.opponents import observe_all
@@ -51,7 +52,7 @@ def run_frames(model, avatars, world, now, count, still, fresh, scratch, record,
         held = list_strikes(model, avatars, world, then, 0, present, due, strikes, held)
         felled, held = resolve(model, avatars, world, then.frame, strikes, before, held)
         if felled > 0:
-            knock_down(model, avatars, world, then, strikes, before, held, due, observed, distances, hits)
+            knock_down(model, avatars, world, then, strikes, before, held, everyone(avatars, present), observed)
         note_time(timings, clock, 5)
         write_record(model, avatars, record, k, 0, present)
         note_time(timings, clock, 6)

@@ -68,7 +68,7 @@ def judge(model, avatars, targets, now, i, thrown):
     sizes = model.sizes
     tolerance = sizes[avatars.policy[i]].tolerance * avatars.playback[i].scale
     seen = avatars.seen[avatars.number[i], (avatars.fight[i].decisions + (0 if thrown.old else 1)) & 1]
-    x, z, turn, frame = seen.x, seen.z, seen.turn, seen.frame
+    x, z, turn, frame = np.float64(seen.x), np.float64(seen.z), np.float64(seen.turn), np.float64(seen.frame)
     if thrown.opponent <= -2:
         before, after = targets[now.moment - 1, -2 - thrown.opponent], targets[now.moment, -2 - thrown.opponent]
         hx, hz = before[0] + thrown.share * (after[0] - before[0]), before[2] + thrown.share * (after[2] - before[2])

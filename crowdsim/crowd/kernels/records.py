@@ -115,7 +115,7 @@ CONDITION = np.dtype(
     travel, leg: 1 more than the number of its path (``Crowd.travels``), else 0, and which point of that is next.
 """
 
-SEEN = np.dtype(_fields(_F8, "x", "z", "turn", "frame"))
+SEEN = np.dtype(_fields(_F4, "x", "z", "turn", "frame"))
 """What an opponent was like when an avatar chose to strike it: position [m], heading [rad] and playback frame; of a
 scripted target the height [m] instead of the heading. The frame is -1 where there was no opponent."""
 
