@@ -1,5 +1,6 @@
 """Strikes thrown since the frame before: what becomes of them, and what they do to their victims."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -90,7 +91,7 @@ def note_hits(model, avatars, frame, strikes, first, last):
         strength *= GUARDED if outcome == BLOCKED else 1.0
         strength *= avatars.playback[i].scale ** 3
         dx, dz = avatars.x[j] - avatars.x[i], avatars.z[j] - avatars.z[i]
-        part = strength / max(np.sqrt(dx * dx + dz * dz), 1e-9)
+        part = strength / max(math.sqrt(dx * dx + dz * dz), 1e-9)
         hit_x, hit_z = part * dx, part * dz
         if fight[j].hit_frame == frame:
             more = hit_x * hit_x + hit_z * hit_z - fight[j].hit_x ** 2 - fight[j].hit_z ** 2
