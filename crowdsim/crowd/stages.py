@@ -156,12 +156,17 @@ class Stages:
 
         self._workers.each(throw, now.present)
         thrown = np.concatenate([empty_strikes(0), *(found[first] for first in sorted(found))])
-        felled, held = resolve(self._model, self._avatars, world, now.frame, thrown, 0, len(thrown))
+        felled, held = resolve(
+            self._model, self._avatars, world, now.frame, thrown, 0, len(thrown), np.empty((len(thrown), 4))
+        )
         if felled > 0:
             present, most = now.present, self._crowding.most
             observed = Observed(np.empty(1, np.int32), np.empty(1, np.int32), np.empty((1, most), np.int32))
             distances, hits = np.empty(present), np.empty(present, np.int64)
-            knock_down(self._model, self._avatars, world, now, thrown, 0, held, self._due, observed, distances, hits)
+            shown = np.empty(len(self._model.falls))
+            knock_down(
+                self._model, self._avatars, world, now, thrown, 0, held, self._due, observed, distances, hits, shown
+            )
         return thrown[:held]
 
 

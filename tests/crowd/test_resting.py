@@ -222,7 +222,7 @@ def test_a_knock_down_ends_a_rest():
     one.avatars.fight["hit_x"][one.avatars.slot_of[0]] = 1.0
     observed = layout.Observed(np.zeros(1, np.int32), np.zeros(1, np.int32), np.zeros((1, 8), np.int32))
     now = layout.Now(one.frame - 1, 0, one.present)
-    room = np.zeros(2, np.int32), observed, np.zeros(2), np.zeros(2, np.int64)
+    room = np.zeros(2, np.int32), observed, np.zeros(2), np.zeros(2, np.int64), np.zeros(len(one.model.falls))
     knock_down(one.model, one.avatars, one._world, now, strikes, 0, 1, *room)
     action = one.run(30).action[-1, 0]
     assert action in resting_policy().falls.actions

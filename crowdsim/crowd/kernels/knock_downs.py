@@ -15,12 +15,13 @@ from crowdsim.jit import kernel
 
 
 @kernel
-def knock_down(model, avatars, world, now, strikes, first, last, due, observed, distances, hits):
+def knock_down(model, avatars, world, now, strikes, first, last, due, observed, distances, hits, shown):
     """Let avatars fall that strikes ``first`` to ``last`` have knocked down, from the blow on, by their numbers.
 
-    ``due``, ``observed``, ``distances`` and ``hits`` are scratch space, see ``opponents.observe_all``.
+    ``due``, ``observed``, ``distances`` and ``hits`` are scratch space, see ``opponents.observe_all``; so is ``shown``,
+    with a number for each row of ``Model.falls``.
     """
-    number, shown = -1, np.empty(model.falls.shape[0])
+    number = -1
     while True:
         blow = _next_blow(strikes, first, last, number)
         if blow < 0:
