@@ -11,9 +11,11 @@ from numba.cuda.extending import overload
 
 from crowdsim.crowd.buffers import empty_record, empty_strikes
 from crowdsim.crowd.kernels.advance import advance, switch
-from crowdsim.crowd.kernels.decide import decide
+from crowdsim.crowd.kernels.choose import choose
+from crowdsim.crowd.kernels.evaluate import evaluate
 from crowdsim.crowd.kernels.knock_downs import knock_down
 from crowdsim.crowd.kernels.layout import Observed
+from crowdsim.crowd.kernels.observe import observe
 from crowdsim.crowd.kernels.prefetch import prefetch
 from crowdsim.crowd.kernels.record import write_record
 from crowdsim.crowd.kernels.resolve import list_strikes, resolve
@@ -33,11 +35,25 @@ def advance_avatar(model, avatars, world, now, due):
         advance(model, avatars, world, now.frame, i, i + 1, due, False)
 
 
-def decide_one(model, avatars, world, now, due, counts, observed, scratch, chosen):
+def observe_one(model, avatars, world, now, due, counts, observed, scratch):
     q = cuda.grid(1)
     if q < counts[0]:
         some = Observed(observed.opponents[q:], observed.counts[q:], observed.neighbours[q:])
-        counts[1] = decide(model, avatars, world, now, due[q:], 1, some, scratch, chosen[q:])
+        observe(model, avatars, world, now, due[q:], 1, some, scratch)
+
+
+def evaluate_one(model, avatars, world, now, due, counts, observed, scratch):
+    q = cuda.grid(1)
+    if q < counts[0]:
+        some = Observed(observed.opponents[q:], observed.counts[q:], observed.neighbours[q:])
+        evaluate(model, avatars, world, now, due[q:], 1, some, scratch)
+
+
+def choose_one(model, avatars, world, now, due, counts, observed, scratch, chosen):
+    q = cuda.grid(1)
+    if q < counts[0]:
+        some = Observed(observed.opponents[q:], observed.counts[q:], observed.neighbours[q:])
+        counts[1] = choose(model, avatars, world, now, due[q:], 1, some, scratch, chosen[q:])
 
 
 def switch_avatar(model, avatars, world, now, due, counts, chosen):
@@ -69,8 +85,8 @@ def record_avatar(model, avatars, now, record):
 
 
 THREADS = (
-    *(advance_avatar, decide_one, switch_avatar, list_strikes_of_avatar, resolve_strikes, knock_down_avatars),
-    record_avatar,
+    *(advance_avatar, observe_one, evaluate_one, choose_one, switch_avatar, list_strikes_of_avatar, resolve_strikes),
+    *(knock_down_avatars, record_avatar),
 )
 
 

@@ -26,7 +26,8 @@ def run_frames(model, avatars, world, now, count, still, fresh, scratch, record,
     present = now.present
     due, chosen = np.empty(present, np.int32), np.empty(present, np.int32)
     distances, hits = np.empty(present), np.empty(present, np.int64)
-    most, falls = scratch.near.shape[0], model.falls.shape[0]
+    kept, shown = np.empty((strikes.shape[0], 4)), np.empty(model.falls.shape[0])
+    most = scratch.near.shape[0]
     observed = Observed(np.empty(present, np.int32), np.empty(present, np.int32), np.empty((present, most), np.int32))
     clock = np.empty(8, np.int64)
     held = 0
@@ -49,11 +50,9 @@ def run_frames(model, avatars, world, now, count, still, fresh, scratch, record,
         note_time(timings, clock, 4)
         before = held
         held = list_strikes(model, avatars, world, then, 0, present, due, strikes, held)
-        felled, held = resolve(model, avatars, world, then.frame, strikes, before, held, np.empty((held - before, 4)))
+        felled, held = resolve(model, avatars, world, then.frame, strikes, before, held, kept)
         if felled > 0:
-            knock_down(
-                model, avatars, world, then, strikes, before, held, due, observed, distances, hits, np.empty(falls)
-            )
+            knock_down(model, avatars, world, then, strikes, before, held, due, observed, distances, hits, shown)
         note_time(timings, clock, 5)
         write_record(model, avatars, record, k, 0, present)
         note_time(timings, clock, 6)
