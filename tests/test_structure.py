@@ -89,6 +89,67 @@ def test_kernels_import_only_kernels_core_jit_and_what_numba_compiles(path: Path
             assert source in PLAIN or holds_kernels(source), node.module
 
 
+LIBRARY = {
+    *("exp", "exp2", "expm1", "log", "log1p", "log2", "log10", "pow", "power", "cbrt", "hypot", "sin", "cos", "tan"),
+    *("asin", "acos", "atan", "atan2", "arcsin", "arccos", "arctan", "arctan2", "sinh", "cosh", "tanh", "erf", "gamma"),
+}
+"""Functions whose last bits depend on the mathematical library; `core` has its own."""
+
+NOT_ON_DEVICES = {"ceil", "floor", "rint", "round", "sqrt", "trunc"}
+"""Functions of numpy that do not compile for GPUs; those of ``math`` do."""
+
+
+@pytest.mark.parametrize(
+    "path",
+    [path for path in MODULES if relative(path).startswith(("crowdsim/crowd/kernels", "crowdsim/places/kernels"))],
+    ids=relative,
+)
+def test_kernels_of_control_call_no_mathematical_library(path: Path) -> None:
+    assert not library_calls(ast.parse(path.read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        path
+        for path in MODULES
+        if path.parent.relative_to(PACKAGE).as_posix() in ("core", "policy/axes", "policy/terms")
+    ],
+    ids=relative,
+)
+def test_what_kernels_of_control_call_calls_no_mathematical_library(path: Path) -> None:
+    kernels = [
+        node
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef) and any("kernel" in ast.unparse(one) for one in node.decorator_list)
+    ]
+    if path.name == "quaternions.py":
+        assert not [one for one in MODULES if "crowd/kernels" in one.as_posix() and "quaternions" in one.read_text()]
+        return
+    assert not [call for node in kernels for call in library_calls(node)]
+
+
+def library_calls(tree: ast.AST) -> list[str]:
+    """Return calls of ``LIBRARY`` and ``NOT_ON_DEVICES``, and powers that are no products."""
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)]
+    powers = [node for node in ast.walk(tree) if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow)]
+    found = [
+        ast.unparse(node)
+        for node in calls
+        if isinstance(node.func, ast.Attribute)
+        and (
+            (node.func.attr in LIBRARY and ast.unparse(node.func.value) in ("math", "np", "numpy"))
+            or (node.func.attr in NOT_ON_DEVICES and ast.unparse(node.func.value) in ("np", "numpy"))
+        )
+    ]
+    return found + [
+        ast.unparse(node)
+        for node in powers
+        if not isinstance(node.left, ast.Constant)
+        and not (isinstance(node.right, ast.Constant) and node.right.value in (2, 3))
+    ]
+
+
 @pytest.mark.parametrize("path", [path for path in MODULES if not holds_kernels(path)], ids=relative)
 def test_only_kernels_are_compiled(path: Path) -> None:
     tree = ast.parse(path.read_text(encoding="utf-8"))

@@ -3,6 +3,7 @@
 import math
 from typing import NamedTuple
 
+from crowdsim.core.mathematics import exp
 from crowdsim.jit import kernel
 
 
@@ -49,7 +50,7 @@ def draw_candidate(values, count, rules, number, chances):
     if near <= rules.most:
         total = 0.0
         for c in range(near):
-            chances[c] = math.exp((chances[c] - top) / rules.temperature)
+            chances[c] = exp((chances[c] - top) / rules.temperature)
             total += chances[c]
         return _nth_candidate(values, count, floor, draw_chance(chances, near, number * total))
     return _draw_among_best(values, count, top, rules, number, chances)
@@ -73,7 +74,7 @@ def _draw_among_best(values, count, top, rules, number, chances):
     left = held
     for k in range(count):
         chosen = values[k] > floor or (values[k] == floor and _is_among_first(values, count, floor, k, held))
-        chances[k] = math.exp((values[k] - top) / rules.temperature) if chosen else 0.0
+        chances[k] = exp((values[k] - top) / rules.temperature) if chosen else 0.0
         total += chances[k]
         left -= chosen
         if left == 0:

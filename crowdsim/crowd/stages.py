@@ -12,7 +12,7 @@ from crowdsim.crowd.buffers import Scratch, empty_scratch, empty_strikes
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.kernels.advance import advance, switch
 from crowdsim.crowd.kernels.decide import decide
-from crowdsim.crowd.kernels.knock_downs import knock_down
+from crowdsim.crowd.kernels.knock_downs import empty_room, knock_down
 from crowdsim.crowd.kernels.layout import ENTERED, Now, Observed
 from crowdsim.crowd.kernels.record import write_record
 from crowdsim.crowd.kernels.resolve import list_strikes, resolve
@@ -122,8 +122,7 @@ class Stages:
         spent = [0, 1]
 
         def decide_some(first: int, last: int) -> None:
-            room = self._rooms.pop() if self._rooms else self._make_room()
-            observed, scratch = room
+            observed, scratch = self._take_room()
             for start in range(first, last, _TOGETHER):
                 some = due[start : min(start + _TOGETHER, last)]
                 begun = perf_counter_ns()
@@ -136,15 +135,19 @@ class Stages:
                     lost.append(slot)
                 spent[0] += seen - begun
                 spent[1] += perf_counter_ns() - begun
-            self._rooms.append(room)
+            self._rooms.append((observed, scratch))
 
         self._workers.each(decide_some, len(due), grain=_DECISIONS)
         if lost:
             raise lost_avatar(self._avatars, min(lost, key=lambda slot: self._avatars.number[slot]), now.frame)
         return spent[0] / spent[1]
 
-    def _make_room(self) -> tuple[Observed, Scratch]:
+    def _take_room(self) -> tuple[Observed, Scratch]:
         """Return room for what avatars of one thread observe, and scratch space for their decisions."""
+        try:
+            return self._rooms.pop()
+        except IndexError:  # other threads have all there are
+            pass
         room, most = _TOGETHER, self._crowding.most
         observed = Observed(np.empty(room, np.int32), np.empty(room, np.int32), np.empty((room, most), np.int32))
         return observed, empty_scratch(self._model, most, room)
@@ -165,11 +168,14 @@ class Stages:
 
         self._workers.each(throw, now.present)
         thrown = np.concatenate([empty_strikes(0), *(found[first] for first in sorted(found))])
-        felled, held = resolve(self._model, self._avatars, world, now.frame, thrown, 0, len(thrown))
+        felled, held = resolve(
+            self._model, self._avatars, world, now.frame, thrown, 0, len(thrown), np.empty((len(thrown), 4))
+        )
         if felled > 0:
-            observed, _ = room = self._rooms.pop() if self._rooms else self._make_room()
-            knock_down(self._model, self._avatars, world, now, thrown, 0, held, self._index.fitted(), observed)
-            self._rooms.append(room)
+            observed, scratch = self._take_room()
+            room = empty_room(self._model, self._crowding.most)
+            knock_down(self._model, self._avatars, world, now, thrown, 0, held, self._index.fitted(), observed, room)
+            self._rooms.append((observed, scratch))
         return thrown[:held]
 
 

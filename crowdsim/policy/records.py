@@ -8,7 +8,6 @@ BEHAVIOUR = np.dtype(
         ("end_axis", np.int64),
         ("first_term", np.int64),
         ("end_term", np.int64),
-        ("looks_ahead", np.bool_),
         ("cells", np.int64),
         ("table", np.int64),
         ("scale", np.float64),
@@ -19,14 +18,16 @@ BEHAVIOUR = np.dtype(
         ("each", np.float64),
         ("lead_now", np.float64),
         ("lead_later", np.float64),
+        ("looks_ahead", np.bool_),
         ("further", np.bool_),
-    ]
+    ],
+    align=True,
 )
-"""A behaviour: its rows of axes and terms; whether its table is one of V, read behind an action (the look-up v); cells
-of its grid, and its first entry in the table; scale and discount; what an entry of 0 is worth, and a step of 1 more;
-what a transition costs it, for a cost of 1 and for each one; how many control frames later a moving target is seen by a
-table of Q, and after an action by one of V (``environment.Grid.leads``); whether its grid has axes beside distance,
-bearing and height."""
+"""A behaviour: its rows of axes and terms; cells of its grid, its first entry in the table; scale and discount; what
+an entry of 0 is worth, and a step of 1 more; what a transition costs it, for a cost of 1 and for each one; how many
+control frames later a moving target is seen by a table of Q, and after an action by one of V
+(``environment.Grid.leads``); whether its table is one of V, read behind an action (the look-up v); whether its grid has
+axes beside distance, bearing and height. GPUs read nothing that is not aligned."""
 
 AXIS = np.dtype(
     [

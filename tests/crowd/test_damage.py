@@ -275,7 +275,9 @@ def struck(*rows):
     for row, (attacker, victim, time, share) in zip(strikes, rows, strict=True):
         row["attacker"], row["victim"], row["frame"] = attacker, victim, one.frame - 1.0 + time
         row["outcome"], row["y"], row["speed"] = layout.LANDED, 3.0, share * one.model.sizes["strong"][0]
-    felled, left = resolve(one.model, one.avatars, one._world, one.frame, strikes, 0, len(strikes))
+    felled, left = resolve(
+        one.model, one.avatars, one._world, one.frame, strikes, 0, len(strikes), np.empty((len(strikes), 4))
+    )
     fight = one.avatars.fight[one.avatars.slot_of]
     columns = ["hit_x", "hit_z", "hit_frame", "hit_by"]
     bodies = [[fight[columns][n].tolist(), one.avatars.conditions[n].tolist()] for n in range(4)]

@@ -11,7 +11,7 @@ from crowdsim.crowd.crowd import build_crowd
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.intents import FIGHTING, PATIENT, RAISES, STEPS_BACK, TOO_NEAR, see_by_intent
 from crowdsim.crowd.kernels.kd_tree import everyone
-from crowdsim.crowd.kernels.knock_downs import knock_down
+from crowdsim.crowd.kernels.knock_downs import empty_room, knock_down
 from crowdsim.crowd.kernels.records import STRIKE
 from crowdsim.crowd.kernels.resting import ALIKE, LASTING, NEARER_BY, NO_WAY, nearest_rest
 from crowdsim.crowd.model import build_model, entry_actions
@@ -223,7 +223,8 @@ def test_a_knock_down_ends_a_rest():
     one.avatars.fight["hit_x"][one.avatars.slot_of[0]] = 1.0
     observed = layout.Observed(np.zeros(1, np.int32), np.zeros(1, np.int32), np.zeros((1, 8), np.int32))
     now = layout.Now(one.frame - 1, 0, one.present)
-    knock_down(one.model, one.avatars, one._world, now, strikes, 0, 1, everyone(one.avatars, 2), observed)
+    room = empty_room(one.model, 8)
+    knock_down(one.model, one.avatars, one._world, now, strikes, 0, 1, everyone(one.avatars, 2), observed, room)
     action = one.run(30).action[-1, 0]
     assert action in resting_policy().falls.actions
     assert one.avatars.conditions["piece"][0] == 0.0

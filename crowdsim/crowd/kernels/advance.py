@@ -21,7 +21,7 @@ def _next_strike(actions, strikes, action, phase):
     found = NO_STRIKE
     for k in range(actions[action].strikes, actions[action + 1].strikes):
         if strikes[k].time > phase:
-            found = min(found, np.int64(np.ceil(strikes[k].time)) - 1)
+            found = min(found, np.int64(math.ceil(strikes[k].time)) - 1)
     return found
 
 

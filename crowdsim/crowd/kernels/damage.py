@@ -5,8 +5,6 @@ Damage is a whole number of parts of a point (``GRAIN``), so that sums do not de
 
 import math
 
-import numpy as np
-
 from crowdsim.crowd.kernels.forced_actions import falls_of
 from crowdsim.crowd.kernels.interpolation import between
 from crowdsim.crowd.kernels.layout import BLOCKED, DROPS, LANDED, NECK, OUT, STAGGERS, UP
@@ -18,18 +16,18 @@ STRONGEST = 2.0  # greatest damage of a hit, as a multiple of that of a strong h
 
 
 @kernel
-def apply_damage(model, avatars, world, frame, strikes, first, last):
+def apply_damage(model, avatars, world, frame, strikes, first, last, before):
     """Apply the damage of strikes ``first`` to ``last`` of ``frame``.
 
     Strikes that an avatar throws after the blow from which it falls are removed, except those that knock down.
+    ``before`` is scratch space, with a row of 4 for each of these strikes.
     Returns how many avatars are knocked down, and where the strikes that are left end.
     """
     conditions, slot_of = avatars.conditions, avatars.slot_of
     if conditions.shape[0] == 0 or first == last:
         return 0, last
-    before = np.empty((last - first, 4))
     for k in range(first, last):
-        before[k - first, 0] = np.nan
+        before[k - first, 0] = math.nan
         if _hurt_by(model, avatars, world, strikes, k) >= 0:
             row, kept = conditions[strikes[k].victim], before[k - first]
             kept[0], kept[1], kept[2], kept[3] = row.health, row.hurt, row.hurt_frame, row.standing

@@ -3,6 +3,7 @@
 import math
 
 from crowdsim.core.angles import cos_sin
+from crowdsim.core.mathematics import atan2
 from crowdsim.core.segments import square_between
 from crowdsim.crowd.kernels.layout import DROPS, FROM_START, LEFT, RIGHT, RISING, Axis
 from crowdsim.crowd.kernels.lying import (
@@ -41,7 +42,7 @@ def crowded(model, avatars, own, row, dx, dz, observed, q):
     axis = axis_after(model, row, FROM_START, x, z, cos, sin)
     move = model.moves[model.falls[row].action]
     x, z = x + move.x * cos + move.z * sin, z + move.z * cos - move.x * sin
-    lies = (x, z, avatars.heading[own] + math.atan2(move.sin, move.cos), size)
+    lies = (x, z, avatars.heading[own] + atan2(move.sin, move.cos), size)
     lacks = 0.0
     for m in range(observed.counts[q]):
         j = observed.neighbours[q, m]
@@ -67,10 +68,11 @@ def _axis_soon(avatars, axis, size, j):
     It lies like a body of a size along an axis.
     """
     motion, fight = avatars.motion, avatars.fight
-    length = math.hypot(axis.to_x - axis.x, axis.to_z - axis.z) * avatars.playback[j].scale / size
-    share = length / max(math.hypot(fight[j].hit_x, fight[j].hit_z), 1e-9)
+    dx, dz, hit_x, hit_z = axis.to_x - axis.x, axis.to_z - axis.z, fight[j].hit_x, fight[j].hit_z
+    length = math.sqrt(dx * dx + dz * dz) * avatars.playback[j].scale / size
+    share = length / max(math.sqrt(hit_x * hit_x + hit_z * hit_z), 1e-9)
     x, z = motion[j].end_x, motion[j].end_z
-    return Axis(x + share * fight[j].hit_x, z + share * fight[j].hit_z, x, z)
+    return Axis(x + share * hit_x, z + share * hit_z, x, z)
 
 
 @kernel(inline=True)

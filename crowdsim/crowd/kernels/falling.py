@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from crowdsim.core.angles import cos_sin
+from crowdsim.core.mathematics import atan2
 from crowdsim.crowd.kernels.fall_clearance import roomiest
 from crowdsim.crowd.kernels.kd_queries import box_distance
 from crowdsim.crowd.kernels.layout import FALLS, STANDS_UP, STUMBLES_ON
@@ -54,7 +55,7 @@ def pick_fall(model, avatars, world, frame, own, kind, left, shown, observed, q)
     """
     falls = model.falls
     policy, stance = avatars.policy[own], int(avatars.conditions[avatars.number[own]].stance)
-    blow = math.atan2(avatars.fight[own].hit_x, avatars.fight[own].hit_z) - avatars.heading[own]
+    blow = atan2(avatars.fight[own].hit_x, avatars.fight[own].hit_z) - avatars.heading[own]
     nearest = math.inf
     for row in range(falls.shape[0]):
         if falls[row].policy == policy and falls[row].kind == kind:

@@ -1,6 +1,7 @@
 """Knock-downs: an avatar leaves what it is doing at the blow, throws nothing any more, and falls."""
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,14 +16,37 @@ from crowdsim.crowd.kernels.layout import DROPS, FALLING, FALLS
 from crowdsim.jit import kernel
 
 
+class Room(NamedTuple):
+    """Scratch space of knock-downs.
+
+    Attributes:
+        shown: What it costs one avatar to fall as others have fallen. Shape (rows of ``Model.falls``,).
+        anywhere: The same without those near it. Likewise.
+        stack: Nodes of a tree. Shape (64,), int64.
+        distances: Of neighbours. Shape (as many as are observed at most,).
+    """
+
+    shown: Any
+    anywhere: Any
+    stack: Any
+    distances: Any
+
+
 @kernel
-def knock_down(model, avatars, world, now, strikes, first, last, tree, observed):
+def empty_room(model, most):
+    """Return scratch space of knock-downs among avatars that observe ``most`` neighbours."""
+    falls = model.falls.shape[0]
+    return Room(np.empty(falls), np.empty(falls), np.empty(64, np.int64), np.empty(most))
+
+
+@kernel
+def knock_down(model, avatars, world, now, strikes, first, last, tree, observed, room):
     """Let avatars fall that strikes ``first`` to ``last`` have knocked down, from the blow on, by their numbers.
 
-    ``tree`` is fitted to where avatars are, and is kept so; ``observed`` is scratch space.
+    ``tree`` is fitted to where avatars are, and is kept so; ``observed`` and ``room`` are scratch space.
     """
-    number, shown, anywhere = -1, np.empty(model.falls.shape[0]), np.empty(model.falls.shape[0])
-    stack, distances, reach = np.empty(64, np.int64), np.empty(observed.neighbours.shape[1]), world.crowding.sight
+    number, reach = -1, world.crowding.sight
+    shown, anywhere, stack, distances = room
     shown_anywhere(model, avatars, now.frame, anywhere)
     while True:
         blow = _next_blow(strikes, first, last, number)

@@ -6,7 +6,7 @@ from crowdsim.crowd.kernels.advance import advance, switch
 from crowdsim.crowd.kernels.clock import note_time
 from crowdsim.crowd.kernels.decide import decide
 from crowdsim.crowd.kernels.kd_tree import everyone
-from crowdsim.crowd.kernels.knock_downs import knock_down
+from crowdsim.crowd.kernels.knock_downs import empty_room, knock_down
 from crowdsim.crowd.kernels.layout import Now, Observed
 from crowdsim.crowd.kernels.opponents import observe_all
 from crowdsim.crowd.kernels.record import write_record
@@ -27,7 +27,8 @@ def run_frames(model, avatars, world, now, count, still, fresh, scratch, record,
     present = now.present
     due, chosen = np.empty(present, np.int32), np.empty(present, np.int32)
     distances, hits = np.empty(present), np.empty(present, np.int64)
-    most = scratch.near.shape[0]
+    kept, most = np.empty((strikes.shape[0], 4)), scratch.near.shape[0]
+    room = empty_room(model, most)
     observed = Observed(np.empty(present, np.int32), np.empty(present, np.int32), np.empty((present, most), np.int32))
     clock = np.empty(8, np.int64)
     held = 0
@@ -50,9 +51,10 @@ def run_frames(model, avatars, world, now, count, still, fresh, scratch, record,
         note_time(timings, clock, 4)
         before = held
         held = list_strikes(model, avatars, world, then, 0, present, due, strikes, held)
-        felled, held = resolve(model, avatars, world, then.frame, strikes, before, held)
+        felled, held = resolve(model, avatars, world, then.frame, strikes, before, held, kept)
         if felled > 0:
-            knock_down(model, avatars, world, then, strikes, before, held, everyone(avatars, present), observed)
+            tree = everyone(avatars, present)
+            knock_down(model, avatars, world, then, strikes, before, held, tree, observed, room)
         note_time(timings, clock, 5)
         write_record(model, avatars, record, k, 0, present)
         note_time(timings, clock, 6)

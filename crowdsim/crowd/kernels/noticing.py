@@ -37,7 +37,7 @@ def see_fallen(avatars, world, now, own, target):
     row.does_next = NOTICES
     x, z = avatars.x[own], avatars.z[own]
     dx, dz = target.x - x, target.z - z
-    far = max(math.hypot(dx, dz), 1e-9)
+    far = max(math.sqrt(dx * dx + dz * dz), 1e-9)
     dx, dz, height = dx / far, dz / far, 1.5 * avatars.playback[own].scale
     near = FIGHTING
     since, arena = now.frame - row.felled_frame, world.arena
@@ -48,11 +48,11 @@ def see_fallen(avatars, world, now, own, target):
         side = arena.half_x - CORNER if target.x < arena.x else CORNER - arena.half_x
         end = arena.half_z - CORNER if target.z < arena.z else CORNER - arena.half_z
         cx, cz = arena.x + side - x, arena.z + end - z
-        away = math.hypot(cx, cz)
+        away = math.sqrt(cx * cx + cz * cz)
         if away > CORNER:
             near = RETREAT
             dx, dz = dx - cx / away, dz - cz / away
-            length = max(math.hypot(dx, dz), 1e-9)
+            length = max(math.sqrt(dx * dx + dz * dz), 1e-9)
             dx, dz = dx / length, dz / length
     elif since > FACES and far < KEEPS:
         near = RETREAT

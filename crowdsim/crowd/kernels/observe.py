@@ -3,6 +3,7 @@
 import math
 
 from crowdsim.core.angles import cos_sin
+from crowdsim.core.mathematics import atan2
 from crowdsim.crowd.kernels.arena import outside
 from crowdsim.crowd.kernels.forced_actions import is_down
 from crowdsim.crowd.kernels.hidden import prefer_seen, way_to
@@ -68,7 +69,7 @@ def observe(model, avatars, world, now, due, count, observed, scratch):
             # The middle counts until the avatar is inside again.
             target, seen = Target(arena.x, target.y, arena.z, 0.0, 0.0, target.lasts), True
         _write_situation(avatars, own, target, scratch.situations, q)
-        faces = avatars.heading[slot_of[opponent]] if opponent >= 0 else math.atan2(target.vx, target.vz)
+        faces = avatars.heading[slot_of[opponent]] if opponent >= 0 else atan2(target.vx, target.vz)
         scratch.situations[q].heading = faces - avatars.heading[own]
         if model.sizes[avatars.policy[own]].watches > 0.0:
             impact = see_threat(model, avatars, world.cohorts, now, own, observed, q).frames * avatars.motion[own].speed

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from crowdsim.core.angles import cos_sin
 from crowdsim.core.random import mix, uniform
 from crowdsim.jit import kernel
 from crowdsim.places.kernels.distance import CLEAR, gap_at
@@ -108,7 +109,8 @@ def throw_darts(stream, start, stop, disc, tries, squares, places):
         for dart in range(tries):
             distance = disc.radius * math.sqrt(uniform(stream, i, 2 * dart))
             angle = 2.0 * math.pi * uniform(stream, i, 2 * dart + 1)
-            x, z = disc.x + distance * math.sin(angle), disc.z + distance * math.cos(angle)
+            cos, sin = cos_sin(angle)
+            x, z = disc.x + distance * sin, disc.z + distance * cos
             if gap_at(places, 0, x, z) >= CLEAR and _is_free(squares, x, z):
                 placed = True
                 break

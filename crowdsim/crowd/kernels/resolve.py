@@ -1,5 +1,6 @@
 """Strikes thrown since the frame before: what becomes of them, and what they do to their victims."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -58,12 +59,13 @@ def list_strikes(model, avatars, world, now, first, last, who, strikes, held):
 
 
 @kernel
-def resolve(model, avatars, world, frame, strikes, first, last):
+def resolve(model, avatars, world, frame, strikes, first, last, before):
     """Apply strikes ``first`` to ``last``, which are those of ``frame``, but those of avatars that fall already.
 
+    ``before`` is scratch space, with a row of 4 for each of these strikes.
     Returns how many avatars are knocked down, and where the strikes that are left end.
     """
-    felled, last = apply_damage(model, avatars, world, frame, strikes, first, last)
+    felled, last = apply_damage(model, avatars, world, frame, strikes, first, last, before)
     note_hits(model, avatars, frame, strikes, first, last)
     return felled, last
 
@@ -90,7 +92,7 @@ def note_hits(model, avatars, frame, strikes, first, last):
         strength *= GUARDED if outcome == BLOCKED else 1.0
         strength *= avatars.playback[i].scale ** 3
         dx, dz = avatars.x[j] - avatars.x[i], avatars.z[j] - avatars.z[i]
-        part = strength / max(np.sqrt(dx * dx + dz * dz), 1e-9)
+        part = strength / max(math.sqrt(dx * dx + dz * dz), 1e-9)
         hit_x, hit_z = part * dx, part * dz
         if fight[j].hit_frame == frame:
             more = hit_x * hit_x + hit_z * hit_z - fight[j].hit_x ** 2 - fight[j].hit_z ** 2

@@ -1,10 +1,10 @@
 """Rewards of the actions of a state, for behaviours whose tables are of states: loops over all of them at once."""
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from crowdsim.core.angles import cos_sin
 from crowdsim.core.exponentials import exponential
 from crowdsim.crowd.kernels.layout import LANES
 from crowdsim.crowd.kernels.tables import whole_lanes
@@ -72,7 +72,7 @@ def _build_frames(name, read, gap):
     def add(paths, first, count, target, term, out):
         wanted, weight = read(term, np.float64), term.weight
         x, z, vx, vz, lasts = target.x, target.z, target.vx, target.vz, target.lasts
-        facing_sin, facing_cos = math.sin(target.heading), math.cos(target.heading)
+        facing_cos, facing_sin = cos_sin(target.heading)
         for k in range(count):
             row = np.uint64(first + k)
             t = min(np.float64(paths.time[row]), lasts)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crowdsim.core.mathematics import whole_below
 from crowdsim.crowd.kernels.layout import BEARING, DISTANCE, LANES, WORK_BEARING, WORK_DISTANCE
 from crowdsim.jit import kernel
 
@@ -71,12 +72,12 @@ def locate_ends(grids, b, cell_count, count, cells, steps, work, near_shares, as
     for k in range(count):
         place = (work[WORK_DISTANCE, k] / (1.0 + rate * work[WORK_DISTANCE, k]) - near_least) * near_per
         place = min(max(place, 0.0), near_points - 1.0)
-        lower = min(np.floor(place), near_last)
+        lower = min(whole_below(place), near_last)
         near_shares[k] = place - lower
         cell = cells[k] * cell_count + lower * near_apart
         place = min(max((work[WORK_BEARING, k] - aside_least) * aside_per, least), most)
-        place -= aside_points * np.floor(place * once)
-        lower = max(min(np.floor(place), aside_last), 0.0)
+        place -= aside_points * whole_below(place * once)
+        lower = max(min(whole_below(place), aside_last), 0.0)
         aside_shares[k] = place - lower
         cells[k] = cell + lower * aside_apart
         steps[k] = step if lower + 1.0 < aside_points else back

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from crowdsim.core.angles import bearings
+from crowdsim.core.mathematics import atan2
 from crowdsim.crowd.kernels.layout import (
     BEARING,
     BLOCK,
@@ -177,7 +178,7 @@ def _find_rows(model, b, state, scratch, spot, cell, x, z):
     n = model.offsets[state + 1] - offset
     far = math.sqrt(x * x + z * z)
     near, near_step, scratch.parts[spot, 0] = locate(model.grids[b, DISTANCE], far)
-    aside, aside_step, scratch.parts[spot, 1] = locate(model.grids[b, BEARING], math.atan2(x, z))
+    aside, aside_step, scratch.parts[spot, 1] = locate(model.grids[b, BEARING], atan2(x, z))
     at = behaviours[b].table + offset * behaviours[b].cells + (cell + near + aside) * n
     near_step, aside_step = near_step * n, aside_step * n
     scratch.spots[spot, 0], scratch.spots[spot, 1], scratch.spots[spot, 2] = at, near_step, aside_step
@@ -315,7 +316,7 @@ def _add_end_values_of_layers(model, b, slot, options, spot, begin, target, fact
         over_ground = Cell(at + np.int64(cells[pair]), near, np.int64(steps[pair]), 0, parts[pair], turns[pair], 0.0)
         if behaviour.lead_later == 0.0:
             over_ground = _cell_at_end(model, b, action, target, at)
-        turned = End(math.atan2(moves[action].sin, moves[action].cos), length, 1.0)
+        turned = End(atan2(moves[action].sin, moves[action].cos), length, 1.0)
         count = 1
         scratch.layers[0], scratch.layer_shares[0] = 0, 1.0
         for kind in range(HEIGHT, model.grids.shape[1]):
@@ -342,6 +343,6 @@ def _cell_at_end(model, b, action, target, at):
     dx, dz = target.x + t * target.vx - move.x, target.z + t * target.vz - move.z
     x, z = dx * move.cos - dz * move.sin, dx * move.sin + dz * move.cos
     near, near_step, near_share = locate(model.grids[b, DISTANCE], math.sqrt(x * x + z * z))
-    aside, aside_step, aside_share = locate(model.grids[b, BEARING], math.atan2(x, z))
+    aside, aside_step, aside_share = locate(model.grids[b, BEARING], atan2(x, z))
     first = at + np.int64(model.actions[action].next) * model.behaviours[b].cells + near + aside
     return Cell(first, near_step, aside_step, 0, near_share, aside_share, 0.0)

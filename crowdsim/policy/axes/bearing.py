@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from crowdsim.core.mathematics import atan2
 from crowdsim.core.types import Array
 from crowdsim.jit import kernel
 from crowdsim.policy.axes.axis import AxisKind, Target
@@ -14,7 +15,7 @@ from crowdsim.policy.axes.axis import AxisKind, Target
 @kernel(inline=True)
 def measure(target):
     """Return the bearing of a target [rad]: 0 ahead, to the left is positive."""
-    return math.atan2(target.x, target.z)
+    return atan2(target.x, target.z)
 
 
 def place(target: Target, bearing: Array) -> Target:

@@ -12,12 +12,15 @@ import math
 
 import numpy as np
 
+from crowdsim.core.mathematics import exp
 from crowdsim.core.types import Array
 from crowdsim.jit import kernel
 from crowdsim.policy.axes.axis import AxisKind, Target
 
 KEPT = 0.6
 """Share of a velocity that is left a control frame later."""
+
+_LOG_KEPT = -0.5108256237659907
 
 LASTS = 3.0
 """For how many control frames a target goes on as it does."""
@@ -40,7 +43,7 @@ def place(target: Target, velocity: Array) -> Target:
 @kernel(inline=True)
 def after(velocity, end):
     """Return what is expected of a velocity after an action."""
-    return velocity * KEPT**end.frames
+    return velocity * exp(_LOG_KEPT * end.frames)
 
 
 KIND = AxisKind(

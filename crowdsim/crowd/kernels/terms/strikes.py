@@ -4,6 +4,7 @@ import math
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.bodies import lands_on_posed_body
+from crowdsim.core.mathematics import atan2
 from crowdsim.crowd.kernels.hidden import is_hidden
 from crowdsim.crowd.kernels.intents import is_resting
 from crowdsim.crowd.kernels.layout import FIGHTS, FLEES, FORESEEN
@@ -114,7 +115,7 @@ def _aim_at_ball(model, avatars, world, now, own, values):
         cos, sin = cos_sin(start[2])
         move, frames = model.moves[action], actions[action].length
         x, z = move.x * size, move.z * size
-        then = start[0] + x * cos + z * sin, start[1] - x * sin + z * cos, start[2] + math.atan2(move.sin, move.cos)
+        then = start[0] + x * cos + z * sin, start[1] - x * sin + z * cos, start[2] + atan2(move.sin, move.cos)
         after = actions[action].next
         for follows in range(model.offsets[after], model.offsets[after + 1]):
             if _lands_on_ball(model, avatars, world, now, own, follows, then, float(frames)):
