@@ -18,9 +18,11 @@ from pydantic import TypeAdapter, ValidationError
 from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.crowd.chunk import Frame
 from crowdsim.crowd.draw import draw_crowd, is_conditioned, reacts
+from crowdsim.crowd.entering import REACH
 from crowdsim.crowd.events import VARIABLES
 from crowdsim.crowd.explaining import Decision
 from crowdsim.crowd.jit_warmup import warm_up
+from crowdsim.crowd.kernels.layout import DROPS
 from crowdsim.crowd.plan import plan_change
 from crowdsim.crowd.script import KeyPath
 from crowdsim.crowd.simulation import Simulation
@@ -181,7 +183,7 @@ class Session:
     def down(self) -> Array:
         """Return which avatars fall, lie or get up. Shape (N,), bool."""
         conditions = self.simulation.avatars.conditions
-        down: Array = conditions["standing"] != 0.0 if len(conditions) else np.zeros(self.crowd.count, bool)
+        down: Array = conditions["standing"] >= DROPS if len(conditions) else np.zeros(self.crowd.count, bool)
         return down
 
     # What a user does
@@ -251,6 +253,45 @@ class Session:
         if not gone or gone[-1].kind != "remove":
             raise ScenarioError(f"avatar {avatar} has not been taken out, expected one that has")
         self._come_or_go("add", avatar)
+
+    def place(self, avatar: int, x: float, z: float) -> str:
+        """Put an avatar at a point [m], or beside it where others or obstacles are; return where that is.
+
+        Raises:
+            ScenarioError: There is no such avatar, it is not there or down, or there is no room.
+        """
+        group, member = self._member(avatar)
+        name, slot = self.crowd.cast.names[avatar], int(self.simulation.avatars.slot_of[avatar])
+        if slot >= self.simulation.present:
+            raise ScenarioError(f"{name} is not there, expected an avatar that is")
+        if self.simulation.avatars.team[slot] < 0:
+            raise ScenarioError(f"{name} is down, expected an avatar that is up")
+        if not (np.isfinite([x, z]).all() and max(abs(x), abs(z)) <= FARTHEST):
+            raise ScenarioError(f"{name} at {x:g}, {z:g}: expected x and z up to {FARTHEST:g} m")
+        x, z = round(float(x), 3), round(float(z), 3)
+        found = self.simulation.find_place(avatar, x, z)
+        if found is None:
+            raise ScenarioError(
+                f"{name} has no room within {REACH:g} m of {x:g}, {z:g}: expected a point inside the arena, away from "
+                "others and from obstacles"
+            )
+        self._happen(_event("place", group=self.scenario.group_names[group], member=member, point=[x, z]))
+        return f"{name} is put at {found[0]:.2f}, {found[1]:.2f}."
+
+    def heal(self, avatar: int | None = None) -> None:
+        """Restore the health of an avatar, or of all that can be hurt.
+
+        Raises:
+            ScenarioError: There is no such avatar, or nothing hurts it.
+        """
+        if avatar is None:
+            self._happen(_event("heal"))
+            return
+        group, member = self._member(avatar)
+        if not self.health()[1][avatar]:
+            name = self.crowd.cast.names[avatar]
+            raise ScenarioError(f"nothing hurts {name}, expected an avatar whose type has 'damage'")
+        self._happen(_event("heal", group=self.scenario.group_names[group], member=member))
 
     def _come_or_go(self, kind: str, avatar: int) -> None:
         group, member = self._member(avatar)

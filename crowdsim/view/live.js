@@ -155,7 +155,10 @@ class LivePlayer extends Player {
   makeFacts() { return new LiveFacts(this.scene, this.recording); }
   makeReasons() { return new LiveReasons(); }
 
-  ownKeys() { return [['drag a target', 'moves it over the floor; with Shift up and down']]; }
+  ownKeys() {
+    return [['drag a target', 'moves it over the floor; with Shift up and down'],
+      ['drag the chosen avatar', 'puts it where it is let go, or beside it; a second finger lets it be']];
+  }
 
   frame(state) {
     this.facts.add(state.strikes);
@@ -239,6 +242,9 @@ class LivePlayer extends Player {
       this.change();
     });
     on('set-free', () => send('set_on', { avatar: this.selected }));
+    on('heal', () => send('heal', { avatar: this.selected }));
+    on('heal-all', () => send('heal'));
+    element('heal-all').hidden = !this.facts.canBeHurt;
     on('remove', () => send(this.isThere() ? 'remove' : 'add', { avatar: this.selected }));
   }
 
@@ -283,7 +289,7 @@ class LivePlayer extends Player {
       const miss = Math.hypot(seen[0] - event.offsetX, seen[1] - event.offsetY), size = 1.3 * MARKER_RADIUS * view.focal / seen[2];
       if (miss < Math.max(size, event.pointerType === 'touch' ? 24 : 12) && miss < nearest) [best, nearest] = [{ k, point }, miss];
     }
-    if (!best) return null;
+    if (!best) return this.holdAvatar(event);
     const place = { at: [...best.point], held: true };
     recording.dragged.set(best.k, place);
     return {
@@ -295,6 +301,25 @@ class LivePlayer extends Player {
         this.change();
       },
       drop: () => { place.held = false; },
+    };
+  }
+
+  // Takes hold of the chosen avatar under the pointer: a ring shows where it would be put.
+  holdAvatar(event) {
+    const avatar = this.selected;
+    if (avatar < 0 || !this.isThere() || this.setting || event.button || event.shiftKey || this.pick(event) !== avatar) return null;
+    const { roots } = this.crowd, place = { at: [roots[3 * avatar], 0, roots[3 * avatar + 2]] };
+    return {
+      move: moved => {
+        this.dragTo(place, moved);
+        this.overlay.placing = { avatar, at: place.at };
+        this.change();
+      },
+      drop: done => {
+        if (done && this.overlay.placing) this.recording.send({ do: 'place', avatar, x: place.at[0], z: place.at[2] });
+        this.overlay.placing = null;
+        this.change();
+      },
     };
   }
 
@@ -336,9 +361,10 @@ class LivePlayer extends Player {
   tell() {
     const { thrown, landed } = this.counts ?? { thrown: 0, landed: 0 }, chosen = this.selected >= 0, there = chosen && this.isThere();
     element('summary').textContent = `live · ${thrown} strike${thrown === 1 ? '' : 's'}, ${landed} landed`;
-    element('actions').hidden = !chosen || this.scene.names.length < 2;
+    element('actions').hidden = !chosen || this.scene.names.length < 2 && !this.facts.canBeHurt;
     element('set-on').textContent = this.setting ? 'Click its opponent ...' : 'Set on ...';
-    element('set-on').disabled = element('set-free').disabled = !there;
+    element('heal').hidden = !(chosen && this.scene.tables.health[2 * this.selected] > 0);
+    element('set-on').disabled = element('set-free').disabled = element('heal').disabled = !there;
     element('remove').textContent = there ? 'Take out' : 'Bring back';
   }
 }

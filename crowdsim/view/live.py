@@ -100,6 +100,12 @@ class Played(Protocol):
     def add(self, avatar: int) -> None:
         """Let an avatar come back."""
 
+    def place(self, avatar: int, x: float, z: float) -> str:
+        """Put an avatar at a point, or beside it; return where that is [m]."""
+
+    def heal(self, avatar: int | None = None) -> None:
+        """Restore the health of an avatar, or of all."""
+
     def drag(self, target: int, x: float, y: float, z: float) -> None:
         """Let a target be at a point from the next control frame on [m]."""
 

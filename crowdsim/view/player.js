@@ -193,6 +193,9 @@ class Player {
       if (down.size === 1) {
         moved = 0;
         held = this.hold(event);
+      } else if (held) {
+        held.drop(false);
+        held = null;
       }
       spread = 0;
     });
@@ -219,7 +222,7 @@ class Player {
       this.change();
     });
     for (const name of ['pointerup', 'pointercancel']) canvas.addEventListener(name, event => {
-      if (held) held.drop();
+      if (held) held.drop(name === 'pointerup' && moved >= 4);
       else if (name === 'pointerup' && down.size === 1 && moved < 4 && event.button === 0) this.select(this.pick(event));
       held = null;
       down.delete(event.pointerId);

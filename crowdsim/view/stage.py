@@ -130,6 +130,30 @@ class Drag(_Command):
         stage.played.drag(self.target, self.x, self.y, self.z)
 
 
+class Place(_Command):
+    """Put an avatar somewhere else."""
+
+    do: Literal["place"]
+    avatar: int
+    x: float
+    z: float
+
+    def apply(self, stage: Stage) -> str:
+        """Do it, and return where it is put."""
+        return stage.played.place(self.avatar, self.x, self.z)
+
+
+class Heal(_Command):
+    """Restore the health of an avatar, or of all."""
+
+    do: Literal["heal"]
+    avatar: int | None = None
+
+    def apply(self, stage: Stage) -> None:
+        """Do it."""
+        stage.played.heal(self.avatar)
+
+
 class Why(_Command):
     """Send the decisions of an avatar from now on to the one who asks; without an avatar send none."""
 
@@ -149,7 +173,8 @@ class Record(_Command):
 
 _COMMANDS: TypeAdapter[Any] = TypeAdapter(
     Annotated[
-        Pause | Step | Speed | Restart | Tune | SetOn | Remove | Add | Drag | Why | Record, Field(discriminator="do")
+        Pause | Step | Speed | Restart | Tune | SetOn | Remove | Add | Drag | Place | Heal | Why | Record,
+        Field(discriminator="do"),
     ]
 )
 

@@ -20,6 +20,7 @@ from crowdsim.render.crowd_path import watch
 from crowdsim.render.take_source import TakeSource
 from crowdsim.scenario.camera import Camera
 from crowdsim.scenario.frame_ranges import parse_frames
+from crowdsim.scenario.heals import Heal
 from crowdsim.take.take import Take
 from crowdsim.view.obstacle_frames import obstacle_frames
 from crowdsim.view.recording import OUTSIDE, Recording, describe_figure, plan_cameras
@@ -38,6 +39,7 @@ def record_take(
     cameras: Mapping[str, Camera] | None = None,
     health: Mapping[str, float] | None = None,
     obstacles: Array | None = None,
+    heals: Sequence[Heal] = (),
 ) -> Recording:
     """Return a take for the player.
 
@@ -51,13 +53,14 @@ def record_take(
         cameras: Cameras of its scenario by name.
         health: Health of avatars at the start, by the names of their types; those without cannot be hurt [points].
         obstacles: Parts of obstacles, see ``RecordedRun.obstacles``; none when None.
+        heals: When health is restored, in the order of time.
 
     Raises:
         TakeError: The take has no such frames, or none of the avatars is there in them.
     """
     count = take.output_frames(fps)
     first, stop = (0, count) if frames is None else parse_frames(frames).resolve(count, fps)
-    motion = TakeMotion(take, fps, avatars, first, stop, threads, health or {})
+    motion = TakeMotion(take, fps, avatars, first, stop, threads, health or {}, heals)
     source = TakeSource(take, take.policies, fps, threads=threads, arena=arena, cameras=cameras)
     crowd = watch(source)
     if avatars is not None:
@@ -94,12 +97,13 @@ class TakeMotion:
         stop: int,
         threads: int,
         health: Mapping[str, float],
+        heals: Sequence[Heal] = (),
     ) -> None:
         self.fps, self.first, self.frames = fps, first, stop - first
         self.scene: dict[str, Any] = {}
         self._sampler = PoseSampler(take, take.policies, threads)
         self.take = replace(take, **{name: getattr(self._sampler.take, name) for name in ("action", "opponent")})
-        self._health = health
+        self._health, self._heals = health, heals
         chosen = np.arange(take.avatar_count) if avatars is None else np.asarray(avatars, np.int64)
         present = self._presence(chosen)
         self.numbers = chosen[np.isin(np.arange(len(chosen)), present[:, 0])]
@@ -285,13 +289,23 @@ class TakeMotion:
         begin, end = self.first / self.fps, (self.first + self.frames) / self.fps
         attackers, victims = (self._indices(part) for part in (events.attacker, events.victim))
         damage = np.asarray(events.damage, np.float32)
+        healed = [
+            (one.seconds, avatar)
+            for one in self._heals
+            for avatar in np.flatnonzero((self.numbers >= one.first) & (self.numbers < one.stop)).tolist()
+        ]
+        since = np.zeros(self.avatars)
+        for seconds, avatar in healed:
+            since[avatar] = seconds if seconds < begin else since[avatar]
         spent = np.zeros(self.avatars, np.float32)
-        earlier = (times < begin) & (victims >= 0)
+        earlier = (times < begin) & (victims >= 0) & (times > since[victims])
         np.add.at(spent, victims[earlier], damage[earlier])
+        restored = [one for one in healed if begin <= one[0] < end]
         kept = np.flatnonzero((times >= begin) & (times < end) & ((attackers >= 0) | (victims >= 0)))
         kept = kept[np.argsort(times[kept], kind="stable")]
         return {
             "health": np.stack([full, np.maximum(full - spent, 0.0)], axis=1),
+            **self._restored(restored),
             "strike_time": times[kept].astype(np.float32),
             "strike_attacker": attackers[kept],
             "strike_victim": victims[kept],
@@ -301,6 +315,15 @@ class TakeMotion:
             "strike_point": np.asarray(events.point, np.float32).reshape(-1, 3)[kept],
             "strike_speed": np.asarray(events.speed, np.float32)[kept],
             "strike_damage": damage[kept],
+        }
+
+    def _restored(self, healed: Sequence[tuple[float, int]]) -> dict[str, Array]:
+        """Return when health is restored to which avatars, in the order of time; nothing where it never is."""
+        if not healed:
+            return {}
+        return {
+            "heal_time": np.array([seconds for seconds, _ in healed], np.float32),
+            "heal_avatar": np.array([avatar for _, avatar in healed], np.int32),
         }
 
     def _falls(self) -> dict[str, Array]:

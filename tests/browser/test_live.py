@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from naive_view import unpack_scene
 from scenes import crowdsim, scene
 
 import crowdsim as library
@@ -167,6 +168,94 @@ def test_types_are_tuned_and_avatars_set_on_one_another_and_taken_out(play, brow
     run = recorded_is_repeated(browser, workplace)
     assert run.opponent[-1, 0] == 1
     assert -1 in run.action[:, 3]
+
+
+WHERE = (
+    "(([x, y, z]) => crowdsimPlayer.view.project(x, y, z).slice(0, 2))"
+    "([0, 1, 2].map(i => crowdsimPlayer.crowd.heads[3 * {} + i]))"
+)
+
+
+def paused(browser) -> None:
+    click(browser, "play")
+    browser.wait("!crowdsimPlayer.playing")
+    browser.evaluate("crowdsimPlayer.chooseCamera(crowdsimPlayer.camera.choices.findIndex(one => one.name === 'top'))")
+    browser.settle()
+
+
+def test_the_chosen_avatar_is_dragged_elsewhere_and_the_session_repeated(play, browser, workplace) -> None:
+    session = play(load_scenario(scene(duration=400)))
+    paused(browser)
+    browser.evaluate("crowdsimPlayer.select(2)")
+    browser.settle()
+    x, y = browser.evaluate(WHERE.format(2))
+    browser.drag((x, y), (x + 90, y + 60), steps=8)
+    browser.wait("document.getElementById('said').textContent.startsWith('blue_0 is put at ')")
+    for _ in range(6):
+        browser.press("ArrowRight")
+    browser.wait("crowdsimPlayer.recording.states.get(crowdsimPlayer.recording.latest).there[2] === 1")
+    browser.settle()
+    after = browser.evaluate(WHERE.format(2))
+    assert np.hypot(after[0] - x - 90, after[1] - y - 60) < 60
+    # The camera has not turned meanwhile: the drag was the avatar's.
+    assert browser.evaluate("crowdsimPlayer.camera.choices[crowdsimPlayer.camera.choice].name") == "top"
+    # Where there is no room, nothing happens but that it is said.
+    events = len(session._events)
+    browser.evaluate("crowdsimPlayer.recording.send({ do: 'place', avatar: 2, x: 1e9, z: 0 })")
+    browser.wait("document.getElementById('said').className.endsWith('wrong')")
+    assert len(session._events) == events
+    run = recorded_is_repeated(browser, workplace)
+    assert np.count_nonzero(run.action[:, 2] < 0) == 1
+
+
+def test_a_finger_drags_the_chosen_avatar_and_a_second_one_lets_it_be(play, browser) -> None:
+    session = play(load_scenario(scene(duration=400)))
+    paused(browser)
+    browser.evaluate("crowdsimPlayer.select(1)")
+    browser.settle()
+    x, y = browser.evaluate(WHERE.format(1))
+
+    def touch(kind, *points) -> None:
+        browser.call("Input.dispatchTouchEvent", type=kind, touchPoints=[
+            {"x": a, "y": b, "id": i} for i, (a, b) in enumerate(points)
+        ])  # fmt: skip
+
+    for second in (True, False):
+        touch("touchStart", (x, y))
+        for step in range(1, 6):
+            touch("touchMove", (x - 14 * step, y + 10 * step))
+        if second:
+            touch("touchStart", (x - 70, y + 50), (x + 200, y))
+            browser.wait("!crowdsimPlayer.overlay.placing")
+        touch("touchEnd")
+        browser.settle()
+        assert bool([one for one in session._events if one.kind == "place"]) == (not second) or not second
+    browser.wait("document.getElementById('said').textContent.startsWith('red_1 is put at ')")
+    assert [one.kind for one in session._events].count("place") == 1
+
+
+def test_health_is_restored_by_a_click(play, browser, workplace) -> None:
+    hurt = {"boxer": {"policy": "tiny", "damage": {"health": 300}}}
+    session = play(load_scenario(scene(duration=400, types=hurt)))
+    browser.wait("crowdsimPlayer.recording.state(crowdsimPlayer.recording.latest).health.some(one => one < 300)")
+    click(browser, "play")
+    browser.wait("!crowdsimPlayer.playing")
+    low = int(np.argmin(session.health()[0]))
+    browser.evaluate(f"crowdsimPlayer.select({low})")
+    browser.wait("!document.getElementById('heal').hidden")
+    click(browser, "heal")
+    for _ in range(2):
+        browser.press("ArrowRight")
+    browser.wait("true")
+    click(browser, "heal-all")
+    for _ in range(5):
+        browser.press("ArrowRight")
+    browser.wait(f"crowdsimPlayer.recording.state(crowdsimPlayer.recording.latest).health[{low}] > 280")
+    heals = [one for one in session._events if one.kind == "heal"]
+    assert [one.group for one in heals] == [["red", "red", "blue", "blue"][low], None]
+    run = recorded_is_repeated(browser, workplace)
+    scene_of = unpack_scene(run.recording().scene())
+    assert set(scene_of["tables"]["heal_avatar"].tolist()) == {0, 1, 2, 3}
 
 
 def test_why_an_avatar_does_what_it_does_is_shown(play, browser) -> None:

@@ -217,6 +217,9 @@ def test_what_is_asked_for_is_done_or_refused_with_a_reason(stage) -> None:
         ('{"do": "tune", "type": "boxer", "key": "tempo", "value": 90}', {"done": "tune"}),
         ('{"do": "set_on", "avatar": 0, "opponent": 3}', {"done": "set_on"}),
         ('{"do": "set_on", "avatar": 0}', {"done": "set_on"}),
+        ('{"do": "place", "avatar": 2, "x": 3, "z": -4.5}', {"done": "place", "said": "blue_0 is put at 3.00, -4.50."}),
+        ('{"do": "heal", "avatar": 2}', {"done": "heal"}),
+        ('{"do": "heal"}', {"done": "heal"}),
         ('{"do": "remove", "avatar": 1}', {"done": "remove"}),
         ('{"do": "add", "avatar": 1}', {"done": "add"}),
         ('{"do": "speed", "speed": 2}', {"done": "speed"}),
@@ -232,6 +235,8 @@ def test_what_is_asked_for_is_done_or_refused_with_a_reason(stage) -> None:
         ('{"do": "record", "folder": "/etc"}', "this is no command: record.folder"),
         ('{"do": "speed", "speed": 1e9}', "this is no command: speed.speed"),
         ('{"do": "remove", "avatar": 77}', "avatar 77: expected a number from 0 to 3"),
+        ('{"do": "place", "avatar": 0, "x": 1e5, "z": 0}', "red_0 at 100000, 0: expected x and z up to"),
+        ('{"do": "heal", "avatar": 4}', "avatar 4: expected a number from 0 to 3"),
         ('{"do": "drag", "target": 0, "x": 0, "y": 1, "z": 0}', "target 0: expected one of 0"),
         ('{"do": "tune", "type": "boxer", "key": "tempo", "value": -5}', "tempo: Input should be greater"),
     ):
