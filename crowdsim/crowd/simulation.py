@@ -53,6 +53,7 @@ from crowdsim.scenario.groups import SEARCHES
 
 if TYPE_CHECKING:
     from crowdsim.crowd.explaining import Decision
+    from crowdsim.crowd.value_map import ValueMap
 
 SMALL = 400
 """Most avatars whose opponents ``auto`` finds by comparing with everyone, many frames in one compiled call."""
@@ -200,6 +201,14 @@ class Simulation:
         self._apply_events()
         world, moves = self._world_at(self.frame - 1, 2), not self._is_rolled_in
         return explain_frame(self.crowd, self.model, self.avatars, world, self._now, self._fresh, moves)
+
+    def value_map(self, number: int) -> ValueMap | None:
+        """Return what an avatar's next action is worth by where its opponent stands; None where it decides nothing."""
+        from crowdsim.crowd.value_map import map_values
+
+        if self.avatars.slot_of[number] >= self.present:
+            return None
+        return map_values(self.crowd, self.model, self.avatars, self._world_at(self.frame, 2), number)
 
     @property
     def _now(self) -> Now:

@@ -36,6 +36,7 @@ from crowdsim.scenario.parts import FARTHEST
 from crowdsim.scenario.scenario import Scenario, dump_scenario, load_scenario
 
 if TYPE_CHECKING:
+    from crowdsim.crowd.value_map import ValueMap
     from crowdsim.policy.policy import Policy
     from crowdsim.runs.run import Report
 
@@ -150,6 +151,10 @@ class Session:
     def explain(self) -> list[Decision]:
         """Return the decisions of the next control frame, in the order of avatars."""
         return self.simulation.explain()
+
+    def value_map(self, avatar: int) -> ValueMap | None:
+        """Return what an avatar's next action is worth by where its opponent stands; None where it decides nothing."""
+        return self.simulation.value_map(avatar)
 
     # What is seen
 

@@ -176,6 +176,7 @@ uniform vec4 arena; // centre and half sizes
 uniform int arenaKind;
 uniform sampler2D heat; // of strikes that have landed, over a part of the floor
 uniform vec4 heatBox; // its corner and its sizes, of which 0 is none
+uniform int heatKind; // 0 for strikes, 1 for values
 float rise(float x) { float h = 0.5 * x; return 1.0 - abs((h - floor(h)) * 2.0 - 1.0); }
 float checks(float x, float w) {
   return (rise(x + 0.5 * w) - rise(x - 0.5 * w)) / w * clamp(1.6 - 0.8 * w, 0.0, 1.0);
@@ -213,10 +214,17 @@ void main() {
   if (heatBox.z > 0.0) {
     vec2 at = (p - heatBox.xy) / heatBox.zw;
     if (at.x > 0.0 && at.x < 1.0 && at.y > 0.0 && at.y < 1.0) {
-      // From the floor's own grey over red to bright yellow: lighter is more, to eyes that see no red too.
       float h = texture(heat, at).r;
+      if (heatKind == 1) {
+        vec3 low = mix(vec3(0.006, 0.01, 0.07), vec3(0.02, 0.09, 0.2), clamp(h * 4.0, 0.0, 1.0));
+        low = mix(low, vec3(0.1, 0.3, 0.25), clamp(h * 4.0 - 1.0, 0.0, 1.0));
+        low = mix(low, vec3(0.45, 0.6, 0.2), clamp(h * 4.0 - 2.0, 0.0, 1.0));
+        tint = mix(tint, mix(low, vec3(1.0, 0.92, 0.5), clamp(h * 4.0 - 3.0, 0.0, 1.0)), 0.9 * smoothstep(0.5, 0.49, length(at - 0.5)));
+      } else if (heatKind == 0) {
+      // From the floor's own grey over red to bright yellow: lighter is more, to eyes that see no red too.
       vec3 warm = mix(vec3(0.35, 0.02, 0.05), mix(vec3(0.8, 0.16, 0.03), vec3(1.0, 0.85, 0.2), smoothstep(0.5, 1.0, h)), smoothstep(0.0, 0.5, h));
       tint = mix(tint, warm, smoothstep(0.02, 0.2, h) * 0.85);
+      }
     }
   }
   vec2 dark = texelFetch(shadows, ivec2(gl_FragCoord.xy), 0).rg;
@@ -397,7 +405,7 @@ class Painter {
       if (typeof value === 'number') gl.uniform1f(place, value);
       else gl[`uniform${value.length}fv`](place, value);
     }
-    for (const [key, value] of [['count', this.crowd.drawn], ['shapes', 0], ['shadows', 1], ['heat', 2], ['arenaKind', this.scene.arena[0]]])
+    for (const [key, value] of [['count', this.crowd.drawn], ['shapes', 0], ['shadows', 1], ['heat', 2], ['arenaKind', this.scene.arena[0]], ['heatKind', this.heat?.isValues ? 1 : 0]])
       if (uniforms[key] !== undefined) gl.uniform1i(uniforms[key], value);
   }
 

@@ -154,6 +154,7 @@ class LivePlayer extends Player {
   makeCrowd() { return new LiveCrowd(this.recording); }
   makeFacts() { return new LiveFacts(this.scene, this.recording); }
   makeReasons() { return new LiveReasons(); }
+  makeValues() { return new LiveValues(); }
 
   ownKeys() {
     return [['drag a target', 'moves it over the floor; with Shift up and down'],
@@ -171,10 +172,11 @@ class LivePlayer extends Player {
     if (message.restart) {
       this.recording.clear();
       this.facts.clear();
-      this.reasons.decisions.length = 0;
+      this.reasons.decisions.length = this.values.decisions.length = 0;
       this.time = 0;
     }
     if (message.why) this.reasons.add(message.why);
+    if (message.values) this.values.add(message.values);
     if (message.error) {
       // What was refused may be where a target was dragged to.
       this.recording.dragged.clear();
@@ -254,6 +256,13 @@ class LivePlayer extends Player {
     if (asked !== this.asked) this.recording.send({ do: 'why', avatar: asked });
     this.asked = asked;
     super.tellWhy();
+  }
+
+  floorMap() {
+    const asked = this.options.valued && this.selected >= 0 ? this.selected : null;
+    if (asked !== this.valued) this.recording.send({ do: 'values', ...(asked === null ? {} : { avatar: asked }) });
+    this.valued = asked;
+    return super.floorMap();
   }
 
   isThere() { return Boolean(this.recording.state(this.recording.latest)?.there[this.selected]); }

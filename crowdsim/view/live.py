@@ -35,6 +35,7 @@ from crowdsim.view.recording import Recording
 from crowdsim.view.take_motion import record_take
 
 if TYPE_CHECKING:
+    from crowdsim.crowd.value_map import ValueMap
     from crowdsim.scenario.scenario import Scenario
 
 LAG = 2
@@ -81,6 +82,9 @@ class Played(Protocol):
 
     def explain(self) -> list[Decision]:
         """Return the decisions of the next control frame."""
+
+    def value_map(self, avatar: int) -> ValueMap | None:
+        """Return what an avatar's next action is worth by where its opponent stands."""
 
     def health(self) -> tuple[Array, Array]:
         """Return the health of each avatar now, and at the start. Shape (N,) each."""

@@ -10,7 +10,7 @@ const KEYS = [
   ['N P', 'next or previous avatar'], ['V', 'follow the chosen avatar'], ['B', 'see with its eyes'], ['Esc', 'choose none'],
   ['T', 'names'], ['M', 'marks of strikes'],
   ['G', 'trails on the floor of the last 3 s, of the chosen avatar where one is chosen'],
-  ['H', 'heat map of the strikes that have landed'], ['J', 'joints of the chosen avatar with their names'], ['C', 'copy the camera as YAML'],
+  ['H', 'heat map of the strikes that have landed'], ['U', 'values around the chosen avatar, live and from the server of crowdsim view'], ['J', 'joints of the chosen avatar with their names'], ['C', 'copy the camera as YAML'],
   ['?', 'these keys'],
 ];
 const POINTING = [
@@ -33,8 +33,11 @@ class Player {
     this.panel = new Panel(this.crowd, this.facts);
     this.reasonPanel = new ReasonPanel(this.facts);
     this.reasons = this.makeReasons();
+    this.values = this.makeValues();
+    this.valuePanel = new ValuePanel();
+    element('values-box').hidden = !this.values;
     this.timeline = new Timeline(element('strip'), this.facts);
-    this.options = { labels: scene.names.length <= 4, marks: true, joints: false, trails: false, hits: false };
+    this.options = { labels: scene.names.length <= 4, marks: true, joints: false, trails: false, hits: false, valued: false };
     element('labels').checked = this.options.labels;
     this.dark = matchMedia('(prefers-color-scheme: dark)');
     this.dark.addEventListener('change', () => this.change());
@@ -51,6 +54,8 @@ class Player {
     const { why } = this.recording;
     return why === true ? new ServedReasons(this.scene, () => this.change()) : why ? new PageReasons(this.scene, why) : null;
   }
+
+  makeValues() { return this.recording.why === true ? new ServedValues(this.scene, () => this.change()) : null; }
 
   change() { this.dirty = true; }
 
@@ -148,7 +153,7 @@ class Player {
     this.camera.choices.forEach((choice, i) => { element('camera').append(new Option(`${i + 1} ${choice.name}`, i)); });
     on('camera', 'change', () => this.chooseCamera(Number(element('camera').value)));
     on('avatar', 'change', () => this.select(Number(element('avatar').value)));
-    for (const option of ['labels', 'marks', 'trails', 'hits']) on(option, 'change', () => this.set(option, element(option).checked));
+    for (const option of ['labels', 'marks', 'trails', 'hits', 'valued']) on(option, 'change', () => this.set(option, element(option).checked));
     on('copy', 'click', () => this.copyCamera());
     on('help', 'click', () => this.showKeys());
     on('why', 'toggle', () => this.change());
@@ -168,6 +173,18 @@ class Player {
     const { selected, reasons } = this, knows = selected >= 0 && reasons !== null && reasons.knows(selected);
     element('reasons').hidden = !knows;
     if (knows && element('why').open) this.reasonPanel.show(reasons.find(selected, Math.floor(this.time * this.scene.rate + 1e-6)));
+  }
+
+  // What lies over the floor: values around the chosen avatar, or where strikes have landed.
+  floorMap() {
+    const asked = this.values && this.options.valued && this.selected >= 0;
+    element('values').hidden = !asked;
+    if (!asked) return this.options.hits ? this.facts.heat(this.time) : null;
+    const found = this.values.find(this.selected, Math.floor(this.time * this.scene.rate + 1e-6));
+    this.valuePanel.show(found);
+    if (!found?.values) return null;
+    found.raster ??= rasterValues(found);
+    return found.raster;
   }
 
   set(option, value) {
@@ -286,7 +303,7 @@ class Player {
       v: () => this.chooseCamera(this.camera.find('follow')), b: () => this.chooseCamera(this.camera.find('eye')),
       t: () => this.set('labels', !this.options.labels), m: () => this.set('marks', !this.options.marks),
       g: () => this.set('trails', !this.options.trails), h: () => this.set('hits', !this.options.hits),
-      j: () => this.set('joints', !this.options.joints), c: () => this.copyCamera(), '?': () => this.showKeys(),
+      u: () => this.set('valued', !this.options.valued), j: () => this.set('joints', !this.options.joints), c: () => this.copyCamera(), '?': () => this.showKeys(),
     };
     addEventListener('keydown', event => {
       if (event.ctrlKey || event.metaKey || event.altKey || !this.view || element('keys').open) return;
@@ -365,7 +382,7 @@ class Player {
       this.crowd.place(moment, this.view, this.camera.avatar, 3, detail);
     }
     // While it stands still, the picture is as fine as can be, once nothing has changed for a moment.
-    this.painter.heat = this.options.hits ? this.facts.heat(this.time) : null;
+    this.painter.heat = this.floorMap();
     this.painter.draw(this.view, Boolean(fine), this.options.marks ? this.time : null);
     this.fine = this.playing || fine ? 0 : this.last + 150;
     this.overlay.draw(this.view, moment, this.time, { ...this.options, selected: this.selected, dark: this.dark.matches });

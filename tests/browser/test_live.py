@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import picture
 from naive_view import unpack_scene
 from scenes import crowdsim, scene
 
@@ -265,6 +266,37 @@ def test_why_an_avatar_does_what_it_does_is_shown(play, browser) -> None:
     text = browser.evaluate("document.getElementById('why-text').innerText")
     assert "▶" in text
     assert "learned" in text
+
+
+def test_values_around_the_chosen_avatar_lie_on_the_floor(play, browser) -> None:
+    session = play(load_scenario(scene(duration=400)))
+    paused(browser)
+    browser.evaluate("crowdsimPlayer.select(1)")
+    browser.settle()
+    before = picture(browser)
+    assert browser.evaluate("document.getElementById('values').hidden")
+    browser.press("u")
+    browser.wait("!!crowdsimPlayer.painter.heat")
+    found = browser.evaluate("crowdsimPlayer.values.decisions.at(-1)")
+    told = session.value_map(1)
+    assert found["at"] == pytest.approx([told.x, told.z, told.heading], abs=1e-3)
+    np.testing.assert_allclose(found["values"], told.values.ravel(), atol=2e-3)
+    browser.settle()
+    changed = np.abs(picture(browser) - before).max(axis=-1) > 30
+    assert changed.mean() > 0.1
+    # Lighter is more: in front of it, where it strikes, and behind it.
+    ring = told.values[np.argmin(np.abs(told.distances - 0.9))]
+    after, lights = picture(browser), []
+    for k in (np.argmax(ring), np.argmin(ring)):
+        turn = told.heading + told.bearings[k]
+        x, z = told.x + 0.9 * np.sin(turn), told.z + 0.9 * np.cos(turn)
+        u, v = browser.evaluate(f"crowdsimPlayer.view.project({x}, 0, {z}).slice(0, 2)")
+        lights.append(after[round(v) - 1 : round(v) + 2, round(u) - 1 : round(u) + 2].mean())
+    assert lights[0] > lights[1] + 10
+    low, high = browser.evaluate("[...document.querySelectorAll('.legend span')].map(one => Number(one.textContent))")
+    assert (low, high) == pytest.approx((told.values.min(), told.values.max()), abs=0.006)
+    browser.press("u")
+    browser.wait("!crowdsimPlayer.painter.heat && document.getElementById('values').hidden")
 
 
 def test_it_begins_again(play, browser) -> None:
