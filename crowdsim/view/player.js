@@ -10,7 +10,7 @@ const KEYS = [
   ['N P', 'next or previous avatar'], ['V', 'follow the chosen avatar'], ['B', 'see with its eyes'], ['Esc', 'choose none'],
   ['T', 'names'], ['M', 'marks of strikes'],
   ['G', 'trails on the floor of the last 3 s, of the chosen avatar where one is chosen'],
-  ['H', 'heat map of the strikes that have landed'], ['U', 'values around the chosen avatar, live and from the server of crowdsim view'], ['J', 'joints of the chosen avatar with their names'], ['C', 'copy the camera as YAML'],
+  ['H', 'heat map of the strikes that have landed'], ['U', 'values around the chosen avatar, live and from the server of crowdsim view'], ['J', 'joints of the chosen avatar with their names'], ['K', 'bodies, skeletons, or the labelled cloud'], ['C', 'copy the camera as YAML'],
   ['?', 'these keys'],
 ];
 const POINTING = [
@@ -154,6 +154,7 @@ class Player {
     on('camera', 'change', () => this.chooseCamera(Number(element('camera').value)));
     on('avatar', 'change', () => this.select(Number(element('avatar').value)));
     for (const option of ['labels', 'marks', 'trails', 'hits', 'valued']) on(option, 'change', () => this.set(option, element(option).checked));
+    on('look', 'change', () => this.change());
     on('copy', 'click', () => this.copyCamera());
     on('help', 'click', () => this.showKeys());
     on('why', 'toggle', () => this.change());
@@ -303,7 +304,8 @@ class Player {
       v: () => this.chooseCamera(this.camera.find('follow')), b: () => this.chooseCamera(this.camera.find('eye')),
       t: () => this.set('labels', !this.options.labels), m: () => this.set('marks', !this.options.marks),
       g: () => this.set('trails', !this.options.trails), h: () => this.set('hits', !this.options.hits),
-      u: () => this.set('valued', !this.options.valued), j: () => this.set('joints', !this.options.joints), c: () => this.copyCamera(), '?': () => this.showKeys(),
+      u: () => this.set('valued', !this.options.valued), j: () => this.set('joints', !this.options.joints),
+      k: () => { const look = element('look'); look.selectedIndex = (look.selectedIndex + 1) % look.length; }, c: () => this.copyCamera(), '?': () => this.showKeys(),
     };
     addEventListener('keydown', event => {
       if (event.ctrlKey || event.metaKey || event.altKey || !this.view || element('keys').open) return;
@@ -375,11 +377,13 @@ class Player {
     this.painter.theme = this.dark.matches ? 'dark' : 'light';
     this.view = this.camera.view(this.crowd, this.time, passed, width, height);
     const onAvatar = ['follow', 'eye'].includes(this.camera.kind), detail = fine ? 1 : (this.painter.width || width) / width;
-    this.crowd.place(moment, this.view, onAvatar ? this.camera.avatar : this.selected, 3, detail);
+    const skins = fine ? MOST_SKINS : [MOST_SKINS, MOST_SKINS, 5, 3][this.painter.quality] ?? 0;
+    this.crowd.look = element('look').value;
+    this.crowd.place(moment, this.view, onAvatar ? this.camera.avatar : this.selected, 3, detail, skins);
     // A camera on an avatar needs to know where that is now.
     if (onAvatar) {
       this.view = this.camera.view(this.crowd, this.time, this.playing ? passed : 0, width, height);
-      this.crowd.place(moment, this.view, this.camera.avatar, 3, detail);
+      this.crowd.place(moment, this.view, this.camera.avatar, 3, detail, skins);
     }
     // While it stands still, the picture is as fine as can be, once nothing has changed for a moment.
     this.painter.heat = this.floorMap();

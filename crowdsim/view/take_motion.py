@@ -8,10 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from crowdsim.body.palette import avatar_paints, team_colour
+from crowdsim.body.looks import usual_build
+from crowdsim.body.palette import avatar_paints, skin_paints, team_colour
+from crowdsim.body.parts import SKIN_PARTS
+from crowdsim.body.skin import Skin, build_skin_of
 from crowdsim.core.types import Array
 from crowdsim.crowd.events import OUTCOMES
 from crowdsim.errors import TakeError
+from crowdsim.motion import quaternion
 from crowdsim.motion.strikes import LIMBS
 from crowdsim.poses.builds import joint_segments
 from crowdsim.poses.down_state import fallen_rows
@@ -25,6 +29,8 @@ from crowdsim.take.take import Take
 from crowdsim.view.obstacle_frames import obstacle_frames
 from crowdsim.view.recording import OUTSIDE, Recording, describe_figure, plan_cameras
 
+_MOST_SKINNED, _COARSENESS = 100, 1.4
+"""Most avatars of a recording with skins, and how many times as long as usual the edges of these are."""
 _POSES_AT_ONCE = 16_000
 _ROWS_AT_ONCE = 4_000_000
 
@@ -77,6 +83,31 @@ def record_take(
     }
     motion.heights = source.avatar_heights[motion.numbers]
     return Recording(motion, take.scenario, tracks)
+
+
+def _describe_skin(skin: Skin, number: int) -> dict[str, Any]:
+    """Return of a skin where each part's triangles end, its helpers, and their parents where limbs are straight."""
+    return {
+        "number": number,
+        "ends": np.searchsorted(skin.parts, np.arange(len(SKIN_PARTS)), side="right").tolist(),
+        "helpers": skin.helpers.tolist(),
+        "straights": [round(float(value), 6) for value in skin.straights().ravel()],
+    }
+
+
+def _skin_tables(skin: Skin, number: int) -> dict[str, Array]:
+    """Return the mesh of a skin: vertices [m], normals and weights as bytes, joints, and triangles."""
+    weights = np.rint(255.0 * skin.weights)
+    rows = np.arange(len(weights))
+    # They add up to one, or the skin would go towards the origin.
+    weights[rows, weights.argmax(axis=1)] += 255.0 - weights.sum(axis=1)
+    return {
+        f"skin_{number}_vertices": np.round(skin.vertices, 4).astype(np.float32),
+        f"skin_{number}_normals": np.rint(127.0 * skin.normals + 128.0).astype(np.uint8),
+        f"skin_{number}_joints": skin.joints.astype(np.uint8),
+        f"skin_{number}_weights": weights.astype(np.uint8),
+        f"skin_{number}_triangles": skin.triangles.astype(np.int32),
+    }
 
 
 class TakeMotion:
@@ -162,6 +193,7 @@ class TakeMotion:
             "limbs": list(LIMBS),
             "outcomes": list(OUTCOMES),
             "targets": list(take.target_names),
+            "props": self._props(),
         }
         tables = {
             "figure": np.searchsorted(self._policies, cast.policies[numbers]).astype(np.int32),
@@ -176,6 +208,7 @@ class TakeMotion:
             "present": self._present.astype(np.int32),
             **self._strikes(full),
             **self._falls(),
+            **self._skins(paints),
             **self._opponents(),
         }
         actions, clips = self._actions()
@@ -183,6 +216,55 @@ class TakeMotion:
         if take.target_names:
             tables["target"] = np.asarray(take.targets[:], np.float32)
         return {**document, "clips": clips}, tables
+
+    def _props(self) -> list[dict[str, Any]]:
+        """Return the capsules that avatars carry, by the numbers of their types."""
+        return [
+            {
+                "type": int(row["type"]),
+                "joint": int(row["joint"]),
+                "start": [round(float(value), 4) for value in row["start"]],
+                "end": [round(float(value), 4) for value in row["end"]],
+                "radius": round(float(row["radius"]), 4),
+                "colour": [round(float(value), 4) for value in row["colour"]],
+            }
+            for row in self.take.cast.attachments
+        ]
+
+    def _skins(self, paints: Array) -> dict[str, Array]:
+        """Return meshes of skins, one for each build, and how each avatar's grows from it; nothing for large crowds.
+
+        What takes the skin of an avatar of size 1 into the frames of its joints and helpers is in ``bone``, three rows
+        of four for each, from ``bone_at`` of the avatar on; ``bone_skin`` is the avatar's of the ``skins`` of a figure.
+        """
+        if self.avatars > _MOST_SKINNED:
+            return {}
+        cast, tables, bones, first = self.take.cast, dict[str, Array](), [], 0
+        at, which, number = np.zeros(self.avatars, np.int32), np.zeros(self.avatars, np.int32), 0
+        for policy, figure in zip(self._policies.tolist(), self._figures, strict=True):
+            database, skins = self.take.policies[policy].database, dict[Any, tuple[int, Skin]]()
+            figure["skins"] = []
+            segments = self._sampler.motions[policy].segments
+            for column in np.flatnonzero(cast.policies[self.numbers] == policy).tolist():
+                avatar = int(self.numbers[column])
+                girth = float(cast.girths[avatar])
+                build = usual_build(girth)
+                if build not in skins:
+                    skin = build_skin_of(database, build, _COARSENESS)
+                    skins[build] = len(skins), skin
+                    figure["skins"].append(_describe_skin(skin, number))
+                    tables |= _skin_tables(skin, number)
+                    number += 1
+                which[column], skin = skins[build]
+                positions, grown = skin.growth(girth, cast.stretches[avatar][segments].astype(float))
+                grown[:, :, 3] -= positions
+                turned = quaternion.rotate(quaternion.conjugate(skin.rotations)[:, None], np.swapaxes(grown, 1, 2))
+                bones.append(np.swapaxes(turned, 1, 2).reshape(-1))
+                at[column], first = first, first + bones[-1].size
+        looks = np.stack([skin_paints(int(one), paint) for one, paint in zip(self.numbers, paints, strict=True)])
+        shades = np.concatenate([np.sqrt(np.clip(looks[..., :3], 0.0, 1.0)), np.clip(looks[..., 3:], 0.0, 1.0)], -1)
+        tables |= {"bone": np.concatenate(bones).astype(np.float32), "bone_at": at, "bone_skin": which}
+        return {**tables, "skin_paint": np.rint(255.0 * shades).astype(np.uint8)}
 
     def _control(self) -> tuple[int, int]:
         """Return the first control frame that is recorded, and one past the last."""
