@@ -1,7 +1,7 @@
 // Bodies: forward kinematics between two recorded frames, and the capsules on the joints.
 
 const FLOATS = 12; // of a capsule: an end and its radius, the other end and its radius, linear colour and gloss
-const SKIN_PIXELS = 150, MOST_SKINS = 8; // how tall avatars with skins are in the picture [px], and how many have one
+const SKIN_PIXELS = 110, MOST_SKINS = 16; // how tall avatars with skins are in the picture [px], and how many have one
 const CLOUD_POINTS = 2500, MOST_POINTS = 60000; // points a square metre of a capsule, about, and in all
 const MARKER_RADIUS = 0.13, MARKER_PAINT = [0.85, 0.5, 0.03, 0.3];
 

@@ -380,7 +380,7 @@ class TakeMotion:
         for seconds, avatar in healed:
             since[avatar] = seconds if seconds < begin else since[avatar]
         spent = np.zeros(self.avatars, np.float32)
-        earlier = (times < begin) & (victims >= 0) & (times > since[victims])
+        earlier = (times < begin) & (victims >= 0) & (times > since[np.maximum(victims, 0)])
         np.add.at(spent, victims[earlier], damage[earlier])
         restored = [one for one in healed if begin <= one[0] < end]
         kept = np.flatnonzero((times >= begin) & (times < end) & ((attackers >= 0) | (victims >= 0)))
