@@ -111,6 +111,7 @@ class Session:
         self.is_changed = False
         self.strikes = {"thrown": 0, "landed": 0}
         self._weights = {name: self._tuning(name) for name in scenario.types if name in scenario.used_types}
+        self._before = {name: self._simulated(name) for name in self._weights}
 
     def restart(self) -> None:
         """Begin again, as if nobody had interfered."""
@@ -139,7 +140,37 @@ class Session:
         """
         frame = self.simulation.step()
         self._note(frame)
+        self._follow()
         return frame
+
+    def _follow(self) -> None:
+        """Note what events of the scenario have changed of the types."""
+        for name, tuning in self._weights.items():
+            now, before = self._simulated(name), self._before[name]
+            for key, value in now.items():
+                if value != before.get(key):
+                    (tuning["behaviours"] if key in tuning["behaviours"] else tuning)[key] = value
+            self._before[name] = now
+
+    def _simulated(self, name: str) -> dict[str, float]:
+        """Return what the simulation has for what can be tuned of a type, by its first avatar's group."""
+        types, world = self.crowd.cast.types, self.simulation._world
+        row = int(self.crowd.cohort[np.argmax(types == list(self.scenario.types).index(name))])
+        tuning, cohort = self._weights[name], world.cohorts[row]
+        policy = next(one for one in self.policies if one.name == self.scenario.types[name].policy)
+        found = {
+            one.name: round(float(value), 6)
+            for one, value in zip(policy.behaviours, world.weights[row], strict=False)
+            if one.name in tuning["behaviours"]
+        }
+        if DEFEND in tuning["behaviours"]:
+            found[DEFEND] = round(float(cohort["defence"]), 6)
+        rate = self.crowd.rate
+        if "tempo" in tuning and cohort["interval"] > 0.0:
+            found["tempo"] = round(60.0 * rate / float(cohort["interval"]), 6)
+        if "reaction" in tuning:
+            found["reaction"] = round(float(cohort["reaction"]) / rate, 6)
+        return {**found, "temperature": round(float(cohort["temperature"]), 6)}
 
     def _note(self, frame: Frame) -> None:
         for name in VARIABLES:

@@ -154,7 +154,7 @@ def _strikes(take: Take, seconds: float) -> str:
                 box = f'x="{x}" y="{top}" width="{max(wide - 1, 0.5):.1f}" height="{low - top:.1f}"'
                 parts.append(f'<rect class="{kind}" {box}/>')
                 below += value
-    for row, (kind, name) in enumerate((("landed", "landed"), ("blocked", "blocked"), ("missed", "missed, evaded"))):
+    for row, (kind, name) in enumerate((("landed", "landed"), ("blocked", "blocked"), ("missed", "missed"))):
         y = _TOP + 18 * (2 - row)
         parts.append(f'<rect class="{kind}" x="{_WIDE - _RIGHT + 14}" y="{y}" width="12" height="12"/>')
         parts.append(axes.text(_WIDE - _RIGHT + 32, y + 11, f"{name}: {int(counts[row].sum()):,}"))

@@ -328,7 +328,10 @@ class Stage:
                 message = json.dumps({"why": describe_decision(decision, policy)})
                 for send in asked[decision.avatar]:
                     send(message)
+        tuned = json.dumps(self.played.tunings())
         frame = self.played.step()
+        if json.dumps(self.played.tunings()) != tuned:
+            self._tell(json.dumps(self._status()))
         for avatar, sends in self._asked("values").items():
             message = self._values(avatar)
             for send in sends:

@@ -162,6 +162,25 @@ def test_tuning_reaches_the_simulation(session) -> None:
     assert played.tunings()["boxer"]["tempo"] == 90
 
 
+def test_sliders_follow_events_of_the_scenario(session) -> None:
+    key = next(iter(session(load_scenario(scene())).tunings()["boxer"]["behaviours"]))
+    event = {
+        "kind": "weights", "when": {"kind": "frame", "frame": 5}, "behaviours": {key: 0.25}, "tempo": 150,
+        "temperature": 0.2,
+    }  # fmt: skip
+    played = session(load_scenario(scene(events=[event])))
+    steps(played, 4)
+    before = played.tunings()["boxer"]
+    assert before["behaviours"][key] != 0.25
+    # What is asked for shows at once, and stays where the scenario says nothing else.
+    other = list(before["behaviours"])[-1]
+    played.tune("boxer", other, 0.75)
+    steps(played, 4)
+    after = played.tunings()["boxer"]
+    assert (after["behaviours"][key], after["tempo"], after["temperature"]) == (0.25, 150, 0.2)
+    assert other == key or after["behaviours"][other] == 0.75
+
+
 def test_a_session_that_nobody_changes_is_the_run(session, workplace) -> None:
     path = write_scene(workplace / "four.yaml", types={"boxer": {"policy": "tiny", "damage": {"health": 40}}})
     played = session(load_scenario(path))

@@ -243,6 +243,19 @@ def test_what_is_asked_for_is_done_or_refused_with_a_reason(stage) -> None:
         assert reason in json.loads(stage.act(text))["error"]
 
 
+def test_changes_by_the_scenario_are_told_to_those_who_watch(session) -> None:
+    event = {"kind": "weights", "when": {"kind": "frame", "frame": 9}, "temperature": 0.4}
+    stage, told = Stage(session(load_scenario(scene(events=[event]))), lambda: ""), []
+    stage.pause(True)
+    stage.watch(told.append)
+    for _ in range(10):
+        stage.act('{"do": "step"}')
+    found = [json.loads(one) for one in told if isinstance(one, str)]
+    shown = [one["tunings"]["boxer"]["temperature"] for one in found if "tunings" in one]
+    assert shown[0] != 0.4
+    assert shown[-1] == 0.4
+
+
 def test_decisions_of_one_avatar_are_told(stage) -> None:
     told, others = [], []
     stage.pause(True)
