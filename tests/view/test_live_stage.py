@@ -105,6 +105,32 @@ def test_live_poses_are_nearly_those_of_the_take(session, workplace) -> None:
     assert np.quantile(jerks, 0.99) < 1.5 * np.quantile(smooth, 0.99)
 
 
+def test_landings_are_planned_once_and_forgotten_when_they_are_past(session, monkeypatch) -> None:
+    from crowdsim.view import live
+
+    played, asked, real = session(load_scenario(scene(duration=140))), [], live.plan_landings
+
+    def plan(take, near, *others):
+        asked.append((near.attackers.copy(), near.times * take.control_rate + poses._frames[0].number))
+        return real(take, near, *others)
+
+    monkeypatch.setattr(live, "plan_landings", plan)
+    poses, landed = LivePoses(played.crowd), set()
+    for _ in range(120):
+        frame = played.step()
+        poses.add(frame)
+        for attacker, time, hit in zip(frame.events.attacker, frame.events.frame, frame.events.landed, strict=True):
+            if hit:
+                landed.add((int(attacker), round(float(time), 2)))
+        if poses.shown >= 0:
+            poses.poses()
+        assert all(key[-1] >= 1000 * poses._frames[0].number for key in poses._fists.planned)
+    found = [(int(one), round(float(time), 2)) for who, times in asked for one, time in zip(who, times, strict=True)]
+    assert len(found) == len(set(found)) > 0
+    # All that have landed are among them, but for the last ones; others whose fists would be in a body are, too.
+    assert {one for one in landed if one[1] < 110} <= set(found)
+
+
 def test_offsets_of_poses_die_away_without_a_jump() -> None:
     settled = Settled(1, 1, np.arange(3) / 30)
     still = np.tile([1.0, 0.0, 0.0, 0.0], (3, 1, 1, 1))
