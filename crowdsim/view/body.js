@@ -261,7 +261,7 @@ class Crowd {
 
   // Bones from joint to joint, and a ball at each joint.
   placeSkeleton(avatar, figure, at) {
-    const { shapes, owners, positions: P } = this, paint = this.plain(avatar);
+    const { shapes, owners, positions: P } = this, paint = this.plain(avatar, figure);
     figure.parents.forEach((parent, j) => {
       const from = parent < 0 ? j : parent, o = FLOATS * at, same = parent < 0 || [0, 1, 2].every(i => P[3 * j + i] === P[3 * from + i]);
       shapes.set([P[3 * from], P[3 * from + 1], P[3 * from + 2], 0.012, P[3 * j], P[3 * j + 1] + (same ? 5e-4 : 0), P[3 * j + 2], 0.012, ...paint], o);
@@ -272,10 +272,11 @@ class Crowd {
     return at;
   }
 
-  // The colour of its team, as light.
-  plain(avatar) {
-    const { team_colours: colours, tables } = this.scene;
-    return [...colours[tables.team[avatar]].map(value => (value / 255) ** 2), 0.1];
+  // The colour of its team, as light; of figures without teams that of their largest capsule.
+  plain(avatar, figure) {
+    const { team_colours: colours, tables } = this.scene, colour = colours[tables.team?.[avatar]];
+    const paint = 4 * (7 * avatar + figure.capsules.parts[0]);
+    return colour ? [...colour.map(value => (value / 255) ** 2), 0.1] : [...this.paints.subarray(paint, paint + 4)];
   }
 
   // Points on an avatar's capsules, as many as the size of each says, with the avatar's label.

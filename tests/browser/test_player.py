@@ -16,6 +16,8 @@ from scenes import crowdsim, scene, write_scene
 import crowdsim as library
 from crowdsim.body.looks import usual_build
 from crowdsim.body.skin import build_skin_of, pose_skins
+from crowdsim.bvh.io import write_bvh
+from crowdsim.performer.session import perform
 from crowdsim.poses.attachments import place_attachments
 from crowdsim.scenario.camera_files import camera_in_file
 from crowdsim.view.server import open_server
@@ -185,6 +187,23 @@ def test_bodies_skeletons_and_the_labelled_cloud_are_shown(player) -> None:
     player.press("k")
     player.settle()
     assert np.abs(picture(player) - pictures[0]).mean() < 1.0
+
+
+def test_bvh_files_are_shown_as_skeletons_and_as_a_cloud(browser, workplace) -> None:
+    write_bvh(workplace / "clip.bvh", perform(6.0, 2)[0].clip.sliced(0, 200))
+    assert crowdsim("view", workplace / "clip.bvh", "--html", workplace / "page.html", "-q") == 0
+    browser.shown(workplace / "page.html")
+    browser.evaluate("crowdsimPlayer.play(false); crowdsimPlayer.seek(0.5)")
+    browser.settle()
+    pictures = [picture(browser)]
+    for look in ("skeletons", "cloud"):
+        browser.press("k")
+        browser.settle()
+        assert browser.evaluate("crowdsimPlayer.crowd.look") == look
+        pictures.append(picture(browser))
+    for one, other in ((0, 1), (1, 2), (0, 2)):
+        assert (np.abs(pictures[one] - pictures[other]).max(axis=-1) > 40).mean() > 0.002
+    assert browser.console == []
 
 
 def test_what_avatars_carry_is_shown(browser, workplace, finish) -> None:
