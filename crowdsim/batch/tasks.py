@@ -126,7 +126,10 @@ def finish(job: Job, *_: None) -> None:
         if job.run.outputs.render is not None:
             _join(job, progress)
         if job.run.outputs.report is not None:
-            write_output(job.run.outputs.report, take, job.folder, read_arena(job.folder), progress=progress)
+            write_output(
+                job.run.outputs.report, take, job.folder, read_arena(job.folder), progress=progress,
+                obstacles=read_obstacles(job.folder),
+            )  # fmt: skip
         write_result(job.batch, job.run.id, collect(job.folder, take, job.run.mark))
         with suppress(OSError):
             remove_tree(job.batch, f"{WORK}/{job.run.id}")

@@ -11,7 +11,8 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.kernels import layout
-from crowdsim.places.arrays import are_ways_clear
+from crowdsim.places.arrays import Places, are_ways_clear, gaps_of
+from crowdsim.places.kernels.distance import CLEAR
 
 REACH = 1.0
 """How far from its placement an avatar may enter [m]."""
@@ -72,8 +73,7 @@ def find_entries(crowd: Crowd, avatars: Avatars, present: int, numbers: Array) -
     blocked = np.flatnonzero(~free & (entries_of(crowd, numbers) < 0))
     if not len(blocked):
         return found
-    rings, ways = np.arange(1, _RINGS + 1) * REACH / _RINGS, np.arange(_WAYS) * 2.0 * np.pi / _WAYS
-    around = np.concatenate([ring * np.column_stack([np.sin(ways), np.cos(ways)]) for ring in rings])
+    around = _around()
     tried = placed[blocked, None] + around
     free = _are_free(tried.reshape(-1, 2), np.repeat(own[blocked], len(around)), points, others)
     free &= _are_inside(crowd.arena, tried.reshape(-1, 2))
@@ -87,6 +87,45 @@ def find_entries(crowd: Crowd, avatars: Avatars, present: int, numbers: Array) -
             found[avatar] = choices[0]
             taken.append(int(avatar))
     return found
+
+
+def find_place(
+    crowd: Crowd, places: Places, avatars: Avatars, present: int, number: int, point: Array, frame: int
+) -> Array | None:
+    """Return the free position for an avatar that is nearest to a point, within ``REACH``; None where there is none.
+
+    Args:
+        crowd: The crowd.
+        places: Its obstacles.
+        avatars: Its avatars.
+        present: How many are there.
+        number: The avatar, which may be there.
+        point: x and z [m]. Shape (2,).
+        frame: Control frame, by which doors are open.
+
+    Returns:
+        x and z [m]. Shape (2,).
+    """
+    here = avatars.number[:present]
+    others = here != number
+    rooms = _STANDING * avatars.motion["width"]
+    taken = rooms[:present].copy()
+    if len(avatars.conditions):
+        taken[avatars.conditions["standing"][here] >= layout.DROPS] = _DOWN
+    slot = avatars.slot_of[number]
+    tried = np.asarray(point, float) + np.concatenate([np.zeros((1, 2)), _around()])
+    points = np.column_stack([avatars.x[:present], avatars.z[:present]])[others]
+    free = _are_free(tried, np.full(len(tried), rooms[slot]), points, taken[others])
+    free &= _are_inside(crowd.arena, tried)
+    if len(crowd.parts):
+        free &= gaps_of(places, tried, float(frame)) >= CLEAR * avatars.playback["scale"][slot]
+    return tried[np.argmax(free)] if free.any() else None
+
+
+def _around() -> Array:
+    """Return positions around an avatar that are tried, the nearest first. Shape (n, 2)."""
+    rings, ways = np.arange(1, _RINGS + 1) * REACH / _RINGS, np.arange(_WAYS) * 2.0 * np.pi / _WAYS
+    return np.concatenate([ring * np.column_stack([np.sin(ways), np.cos(ways)]) for ring in rings])
 
 
 def entries_of(crowd: Crowd, numbers: Array) -> Array:

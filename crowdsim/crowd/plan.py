@@ -25,10 +25,11 @@ from crowdsim.scenario.events import (
     FightEvent,
     FleeEvent,
     FrameCondition,
+    HealEvent,
     HealthCondition,
     LandedOnCondition,
     LeaveEvent,
-    RemoveEvent,
+    PlaceEvent,
     RestEvent,
     RetargetEvent,
     SecondsCondition,
@@ -218,8 +219,9 @@ def _change(scenario: Scenario, crowd: Crowd, cohorts: Array, event: Event, trav
     when = _when(scenario, event.when, crowd.rate)
     group = _group(scenario, event.group)
     who = (crowd.group == group) | (group < 0)
-    if isinstance(event, RetargetEvent | AddEvent | RemoveEvent) and event.member is not None:
-        who &= np.arange(crowd.count) == np.flatnonzero(who)[event.member]
+    member = getattr(event, "member", None)
+    if member is not None:
+        who &= np.arange(crowd.count) == np.flatnonzero(who)[member]
     rows = (cohorts[:, 0] == group) | (group < 0)
     if isinstance(event, WeightsEvent):
         if event.type is not None:
@@ -251,4 +253,8 @@ def _change(scenario: Scenario, crowd: Crowd, cohorts: Array, event: Event, trav
         return Change(when, who=who, mode=FLEES if isinstance(event, FleeEvent) else FIGHTS)
     if isinstance(event, LeaveEvent):
         return Change(when, who=who, travel=next(travels), health_below=event.health_below)
+    if isinstance(event, PlaceEvent):
+        return Change(when, who=who, point=event.point)
+    if isinstance(event, HealEvent):
+        return Change(when, who=who, heals=True)
     return Change(when, who=who, present=isinstance(event, AddEvent))

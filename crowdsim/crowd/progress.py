@@ -120,7 +120,8 @@ class Agenda:
         pending: Numbers of the changes that have not happened yet.
         waiting: Avatars that were added and have no room yet, and since which control frame.
         arrivals: Those that entered later, or elsewhere, than where they are placed.
-        expected: Avatars that are to enter later along a path, and in which control frame.
+        expected: Avatars that are to enter later, and in which control frame.
+        places: Of those that are put somewhere else: x and z [m], and the heading that they keep [rad].
         standing: Numbers of the changes by which avatars leave as soon as their health is low.
         progress: What has happened.
     """
@@ -131,6 +132,7 @@ class Agenda:
         self.waiting: dict[int, int] = {}
         self.arrivals: list[Arrival] = []
         self.expected: dict[int, int] = {}
+        self.places: dict[int, tuple[float, float, float]] = {}
         self.standing: list[int] = []
         self.progress = progress
 
@@ -192,6 +194,7 @@ class Agenda:
         for number in numbers:
             self.waiting.pop(number, None)
             self.expected.pop(number, None)
+            self.places.pop(number, None)
 
     def retiring(self) -> Iterator[Change]:
         """Yield the changes by which avatars leave as soon as their health is low."""

@@ -187,6 +187,8 @@ class Change:
         distance: The distance that those keep who watch or rest [m].
         travel: Index into ``Crowd.travels`` of the path that they leave by.
         health_below: Of those who leave: each does as soon as its health is below this [points]; at once when None.
+        point: Where the one avatar is put, x and z [m].
+        heals: Whether their health is restored.
     """
 
     when: Trigger
@@ -205,6 +207,8 @@ class Change:
     distance: float = 0.0
     travel: int | None = None
     health_below: float | None = None
+    point: tuple[float, float] | None = None
+    heals: bool = False
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from crowdsim.crowd.entering import (
     entries_of,
     entry_points,
     find_entries,
+    find_place,
     first_in_line,
 )
 from crowdsim.crowd.kernels import layout
@@ -52,6 +53,7 @@ from crowdsim.scenario.groups import SEARCHES
 
 if TYPE_CHECKING:
     from crowdsim.crowd.explaining import Decision
+    from crowdsim.crowd.value_map import ValueMap
 
 SMALL = 400
 """Most avatars whose opponents ``auto`` finds by comparing with everyone, many frames in one compiled call."""
@@ -199,6 +201,14 @@ class Simulation:
         self._apply_events()
         world, moves = self._world_at(self.frame - 1, 2), not self._is_rolled_in
         return explain_frame(self.crowd, self.model, self.avatars, world, self._now, self._fresh, moves)
+
+    def value_map(self, number: int) -> ValueMap | None:
+        """Return what an avatar's next action is worth by where its opponent stands; None where it decides nothing."""
+        from crowdsim.crowd.value_map import map_values
+
+        if self.avatars.slot_of[number] >= self.present:
+            return None
+        return map_values(self.crowd, self.model, self.avatars, self._world_at(self.frame, 2), number)
 
     @property
     def _now(self) -> Now:
@@ -411,6 +421,10 @@ class Simulation:
         if change.travel is not None and change.health_below is None:
             self._agenda.forget(np.flatnonzero(change.who).tolist())
             self._set_out(change)
+        if change.heals:
+            self._heal(change.who)
+        if change.point is not None:
+            self._take_up(concerned, change.point)
         if change.present:
             self._add(np.sort(self.avatars.number[self.present :][concerned[self.present :]]))
         elif change.present is not None:
@@ -451,10 +465,56 @@ class Simulation:
             self._leave(np.isin(self.avatars.number, leaving))
             self._index.reset()
 
+    def _heal(self, who: Array) -> None:
+        """Restore the health of avatars (N,) that are there."""
+        conditions, rules = self.avatars.conditions, self._world.rules[self.crowd.cohort]
+        healed = who & self._agenda.progress.here
+        for name, values in (("health", rules["full_health"]), ("stamina", 1.0), ("hurt", 0.0), ("downs", 0.0)):
+            conditions[name] = np.where(healed, values, conditions[name])
+        stays = healed & (conditions["standing"] >= layout.FALLING) & np.isposinf(conditions["rises"])
+        conditions["rises"] = np.where(stays, self.frame + rules["down_frames"], conditions["rises"])
+
+    def find_place(self, number: int, x: float, z: float) -> Array | None:
+        """Return where an avatar would be put now that is moved to a point [m], see ``entering.find_place``."""
+        point = np.array([x, z])
+        return find_place(self.crowd, self._world.places, self.avatars, self.present, number, point, self.frame)
+
+    def _take_up(self, concerned: Array, point: tuple[float, float]) -> None:
+        """Take an avatar that is there and up out of the scene, to be put at a point in the next control frame."""
+        there = concerned & (np.arange(self.crowd.count) < self.present) & (self.avatars.team >= 0)
+        for slot in np.flatnonzero(there).tolist():
+            number = int(self.avatars.number[slot])
+            self._agenda.places[number] = (*point, float(self.avatars.heading[slot]))
+            self._agenda.expected[number] = self.frame + 1
+        if there.any():
+            self._leave(there)
+
+    def _put_down(self) -> None:
+        """Put avatars that were taken up where there is room for them, as healthy as they were."""
+        agenda = self._agenda
+        for number in sorted(agenda.waiting.keys() & agenda.places.keys()):
+            x, z, heading = agenda.places[number]
+            at = self.find_place(number, x, z)
+            if at is None:
+                continue
+            del agenda.waiting[number], agenda.places[number]
+            kept = self.avatars.conditions[[number]] if len(self.avatars.conditions) else None
+            now = np.arange(self.crowd.count) < self.present
+            now[self.avatars.slot_of[number]] = True
+            self._store(now, [number])
+            enter(self.avatars, self.crowd, self.model, self.avatars.slot_of[[number]], at[None], np.array([heading]))
+            if kept is not None:
+                for name in ("health", "stamina", "hurt", "hurt_frame", "downs"):
+                    self.avatars.conditions[name][number] = kept[name][0]
+            self._index.reset()
+
     def _enter(self) -> None:
         """Let avatars enter that wait, where they have room."""
         agenda = self._agenda
-        numbers = first_in_line(self.crowd, agenda.waiting)
+        self._put_down()
+        numbers = first_in_line(self.crowd, {n: at for n, at in agenda.waiting.items() if n not in agenda.places})
+        if not len(numbers):
+            return
         at = find_entries(self.crowd, self.avatars, self.present, numbers)
         room = np.isfinite(at[:, 0])
         if not room.any():

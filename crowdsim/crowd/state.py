@@ -27,6 +27,7 @@ STATE = (
     "_agenda.waiting",
     "_agenda.arrivals",
     "_agenda.expected",
+    "_agenda.places",
     "_agenda.standing",
     "_agenda.progress.",
     "outcome",
@@ -60,6 +61,8 @@ def read_state(simulation: Changing) -> dict[str, Array]:
     state["agenda.waiting"] = np.array(sorted(agenda.waiting.items()), np.int64).reshape(-1, 2)
     state["agenda.arrivals"] = np.array(agenda.arrivals, float).reshape(-1, 4)
     state["agenda.expected"] = np.array(sorted(agenda.expected.items()), np.int64).reshape(-1, 2)
+    places = [(number, *place) for number, place in sorted(agenda.places.items())]
+    state["agenda.places"] = np.array(places, float).reshape(-1, 4)
     state["agenda.standing"] = np.array(agenda.standing, np.int64)
     state["agenda.landed"], state["agenda.landed_on"] = agenda.progress.landed.copy(), agenda.progress.landed_on.copy()
     ended = simulation.outcome
@@ -80,7 +83,7 @@ def write_state(simulation: Changing, state: Mapping[str, Array]) -> None:
     """
     now = read_state(simulation)
     grows = {"fresh", "searches", "outcome.standing"}
-    grows |= {f"agenda.{name}" for name in ("pending", "waiting", "arrivals", "expected", "standing")}
+    grows |= {f"agenda.{name}" for name in ("pending", "waiting", "arrivals", "expected", "places", "standing")}
     for name in sorted(now.keys() | state.keys()):
         if name not in now or name not in state:
             raise ValueError(f"array {name!r} is {'missing' if name in now else 'unknown'}")
@@ -107,6 +110,7 @@ def write_state(simulation: Changing, state: Mapping[str, Array]) -> None:
         for avatar, asked, entered, away in state["agenda.arrivals"].tolist()
     ]
     simulation._agenda.expected = dict(state["agenda.expected"].tolist())
+    simulation._agenda.places = {int(number): (x, z, turn) for number, x, z, turn in state["agenda.places"].tolist()}
     simulation._agenda.standing = state["agenda.standing"].tolist()
     simulation._agenda.progress.landed[...] = state["agenda.landed"]
     simulation._agenda.progress.landed_on[...] = state["agenda.landed_on"]

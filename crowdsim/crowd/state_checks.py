@@ -206,6 +206,12 @@ def _check_rest(simulation: Changing, state: Mapping[str, Array]) -> None:
     for name, values in (("agenda.waiting", waiting), ("agenda.expected", expected)):
         _refuse(name, values[:, 0], ~present[values[:, 0]])
         _refuse(name, values[1:, 0], np.diff(values[:, 0]) > 0)
+    places = state["agenda.places"]
+    if places.ndim != 2 or places.shape[1] != 4:
+        raise ValueError(f"array 'agenda.places' has the shape {places.shape}, expected (n, 4)")
+    _refuse("agenda.places", places[:, 0], np.isin(places[:, 0], [*waiting[:, 0], *expected[:, 0]]))
+    _refuse("agenda.places", places[1:, 0], np.diff(places[:, 0]) > 0)
+    _refuse("agenda.places", places[:, 1:], np.abs(places[:, 1:]) <= FAR)
     _refuse("agenda.arrivals", arrivals[:, 3], (arrivals[:, 3] >= 0.0) & (arrivals[:, 3] <= FAR))
     for name in ("agenda.landed", "agenda.landed_on"):
         _refuse(name, state[name], state[name] >= 0)

@@ -110,6 +110,7 @@ class ReportOutput(Ranged):
         write_plain(done.folder, _FILE, parts)
 
     def _recording(self, done: FinishedTake, scenario: dict[str, Any]) -> Recording | None:
+        from crowdsim.scenario.heals import find_heals
         from crowdsim.view.take_motion import record_take
 
         start, stop = self.frames_of(done.extent)
@@ -123,7 +124,10 @@ class ReportOutput(Ranged):
         health = {name: one["damage"]["health"] for name, one in scenario["types"].items() if one.get("damage")}
         numbers = None if self.avatars is None else [int(avatar) for avatar in self.avatars]
         frames = f"{start}:{stop}"
-        return record_take(done.take, self.rate, numbers, frames, done.threads, done.arena, cameras, health)
+        heals = find_heals(scenario["groups"], scenario.get("events") or (), done.take.control_rate)
+        return record_take(
+            done.take, self.rate, numbers, frames, done.threads, done.arena, cameras, health, done.obstacles, heals
+        )
 
     def command(self, run: str) -> list[str]:
         """Return the words of the command that writes it from a finished run."""

@@ -18,6 +18,7 @@ from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import read_manifest
 from crowdsim.runs.recorded import RecordedRun
 from crowdsim.scenario.cameras import Cameras
+from crowdsim.scenario.heals import Heal, find_heals
 from crowdsim.scenario.output import FPS
 from crowdsim.scenario.parts import Arena
 
@@ -54,6 +55,7 @@ def open_run(folder: FileName) -> RecordedRun:
         fps=_read(folder, "fps", float, FPS),
         cameras=_read(folder, "cameras", Cameras, {}),
         health=_read_health(folder),
+        heals=_read_heals(folder, take.control_rate),
     )
 
 
@@ -141,6 +143,15 @@ def _read_health(folder: Path) -> dict[str, float]:
     types: dict[str, dict[str, Any]] = _read(folder, "types", dict[str, dict[str, Any]], {})
     found = {name: keys["damage"].get("health") for name, keys in types.items() if isinstance(keys.get("damage"), dict)}
     return {name: float(points) for name, points in found.items() if isinstance(points, int | float)}
+
+
+def _read_heals(folder: Path, rate: float) -> list[Heal]:
+    """Return when health is restored in a run; never where its scenario says nothing that can be read."""
+    groups, events = (_read(folder, key, tuple[dict[str, Any], ...], ()) for key in ("groups", "events"))
+    try:
+        return find_heals(groups, events, rate)
+    except (KeyError, TypeError, ValueError):  # a file that was changed by hand
+        return []
 
 
 def _read(folder: Path, key: str, kind: Any, otherwise: Any) -> Any:

@@ -18,9 +18,11 @@ from pydantic import TypeAdapter, ValidationError
 from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.crowd.chunk import Frame
 from crowdsim.crowd.draw import draw_crowd, is_conditioned, reacts
+from crowdsim.crowd.entering import REACH
 from crowdsim.crowd.events import VARIABLES
 from crowdsim.crowd.explaining import Decision
 from crowdsim.crowd.jit_warmup import warm_up
+from crowdsim.crowd.kernels.layout import DROPS
 from crowdsim.crowd.plan import plan_change
 from crowdsim.crowd.script import KeyPath
 from crowdsim.crowd.simulation import Simulation
@@ -34,6 +36,7 @@ from crowdsim.scenario.parts import FARTHEST
 from crowdsim.scenario.scenario import Scenario, dump_scenario, load_scenario
 
 if TYPE_CHECKING:
+    from crowdsim.crowd.value_map import ValueMap
     from crowdsim.policy.policy import Policy
     from crowdsim.runs.run import Report
 
@@ -108,6 +111,7 @@ class Session:
         self.is_changed = False
         self.strikes = {"thrown": 0, "landed": 0}
         self._weights = {name: self._tuning(name) for name in scenario.types if name in scenario.used_types}
+        self._before = {name: self._simulated(name) for name in self._weights}
 
     def restart(self) -> None:
         """Begin again, as if nobody had interfered."""
@@ -136,7 +140,37 @@ class Session:
         """
         frame = self.simulation.step()
         self._note(frame)
+        self._follow()
         return frame
+
+    def _follow(self) -> None:
+        """Note what events of the scenario have changed of the types."""
+        for name, tuning in self._weights.items():
+            now, before = self._simulated(name), self._before[name]
+            for key, value in now.items():
+                if value != before.get(key):
+                    (tuning["behaviours"] if key in tuning["behaviours"] else tuning)[key] = value
+            self._before[name] = now
+
+    def _simulated(self, name: str) -> dict[str, float]:
+        """Return what the simulation has for what can be tuned of a type, by its first avatar's group."""
+        types, world = self.crowd.cast.types, self.simulation._world
+        row = int(self.crowd.cohort[np.argmax(types == list(self.scenario.types).index(name))])
+        tuning, cohort = self._weights[name], world.cohorts[row]
+        policy = next(one for one in self.policies if one.name == self.scenario.types[name].policy)
+        found = {
+            one.name: round(float(value), 6)
+            for one, value in zip(policy.behaviours, world.weights[row], strict=False)
+            if one.name in tuning["behaviours"]
+        }
+        if DEFEND in tuning["behaviours"]:
+            found[DEFEND] = round(float(cohort["defence"]), 6)
+        rate = self.crowd.rate
+        if "tempo" in tuning and cohort["interval"] > 0.0:
+            found["tempo"] = round(60.0 * rate / float(cohort["interval"]), 6)
+        if "reaction" in tuning:
+            found["reaction"] = round(float(cohort["reaction"]) / rate, 6)
+        return {**found, "temperature": round(float(cohort["temperature"]), 6)}
 
     def _note(self, frame: Frame) -> None:
         for name in VARIABLES:
@@ -148,6 +182,10 @@ class Session:
     def explain(self) -> list[Decision]:
         """Return the decisions of the next control frame, in the order of avatars."""
         return self.simulation.explain()
+
+    def value_map(self, avatar: int) -> ValueMap | None:
+        """Return what an avatar's next action is worth by where its opponent stands; None where it decides nothing."""
+        return self.simulation.value_map(avatar)
 
     # What is seen
 
@@ -181,7 +219,7 @@ class Session:
     def down(self) -> Array:
         """Return which avatars fall, lie or get up. Shape (N,), bool."""
         conditions = self.simulation.avatars.conditions
-        down: Array = conditions["standing"] != 0.0 if len(conditions) else np.zeros(self.crowd.count, bool)
+        down: Array = conditions["standing"] >= DROPS if len(conditions) else np.zeros(self.crowd.count, bool)
         return down
 
     # What a user does
@@ -251,6 +289,45 @@ class Session:
         if not gone or gone[-1].kind != "remove":
             raise ScenarioError(f"avatar {avatar} has not been taken out, expected one that has")
         self._come_or_go("add", avatar)
+
+    def place(self, avatar: int, x: float, z: float) -> str:
+        """Put an avatar at a point [m], or beside it where others or obstacles are; return where that is.
+
+        Raises:
+            ScenarioError: There is no such avatar, it is not there or down, or there is no room.
+        """
+        group, member = self._member(avatar)
+        name, slot = self.crowd.cast.names[avatar], int(self.simulation.avatars.slot_of[avatar])
+        if slot >= self.simulation.present:
+            raise ScenarioError(f"{name} is not there, expected an avatar that is")
+        if self.simulation.avatars.team[slot] < 0:
+            raise ScenarioError(f"{name} is down, expected an avatar that is up")
+        if not (np.isfinite([x, z]).all() and max(abs(x), abs(z)) <= FARTHEST):
+            raise ScenarioError(f"{name} at {x:g}, {z:g}: expected x and z up to {FARTHEST:g} m")
+        x, z = round(float(x), 3), round(float(z), 3)
+        found = self.simulation.find_place(avatar, x, z)
+        if found is None:
+            raise ScenarioError(
+                f"{name} has no room within {REACH:g} m of {x:g}, {z:g}: expected a point inside the arena, away from "
+                "others and from obstacles"
+            )
+        self._happen(_event("place", group=self.scenario.group_names[group], member=member, point=[x, z]))
+        return f"{name} is put at {found[0]:.2f}, {found[1]:.2f}."
+
+    def heal(self, avatar: int | None = None) -> None:
+        """Restore the health of an avatar, or of all that can be hurt.
+
+        Raises:
+            ScenarioError: There is no such avatar, or nothing hurts it.
+        """
+        if avatar is None:
+            self._happen(_event("heal"))
+            return
+        group, member = self._member(avatar)
+        if not self.health()[1][avatar]:
+            name = self.crowd.cast.names[avatar]
+            raise ScenarioError(f"nothing hurts {name}, expected an avatar whose type has 'damage'")
+        self._happen(_event("heal", group=self.scenario.group_names[group], member=member))
 
     def _come_or_go(self, kind: str, avatar: int) -> None:
         group, member = self._member(avatar)

@@ -17,7 +17,7 @@ from crowdsim.errors import TakeError
 from crowdsim.runs.folder import RESOLVED, place_of
 from crowdsim.runs.recorded import RecordedRun
 from crowdsim.scenario.scenario import load_scenario
-from crowdsim.view.why import describe_decision
+from crowdsim.view.why import describe_decision, describe_values
 
 _BACK = 600
 """How far a decision may lie back [control frames]."""
@@ -59,6 +59,24 @@ class Repeated:
             raise TakeError(f"{run.cast.names[avatar]} decides nothing at control frame {frame}")
         return self._describe(found)
 
+    def values(self, avatar: int, frame: int) -> dict[str, Any]:
+        """Return an avatar's value map in a control frame as plain data, see ``describe_values``.
+
+        Raises:
+            TakeError: There is no such avatar or frame, or the run cannot be repeated.
+        """
+        run = self._run
+        if not 0 <= avatar < run.avatar_count or not 0 <= frame < run.frame_count:
+            raise TakeError(f"avatar {avatar} at control frame {frame}: is not in the run")
+        with self._lock:
+            simulation = self._simulated(frame + 1)
+            found = simulation.value_map(avatar)
+            if found is not None:
+                slot = int(simulation.avatars.slot_of[avatar])
+                base = int(simulation.model.policies["actions"][simulation.avatars.policy[slot]])
+                self._check(avatar, frame, int(simulation.avatars.motion["action"][slot]) - base)
+        return describe_values(found, avatar, frame)
+
     def all(self, avatars: Sequence[int], first: int, stop: int) -> Iterator[dict[str, Any]]:
         """Yield the decisions of avatars in control frames ``first`` to ``stop``, and the last ones before.
 
@@ -72,11 +90,15 @@ class Repeated:
                     yield self._describe(one)
 
     def _describe(self, decision: Decision) -> dict[str, Any]:
-        if int(self._run.action[decision.frame : decision.frame + 1][0, decision.avatar]) != decision.chosen:
+        self._check(decision.avatar, decision.frame, decision.chosen)
+        return describe_decision(decision, self._run.policies[self._run.cast.policies[decision.avatar]])
+
+    def _check(self, avatar: int, frame: int, action: int) -> None:
+        """Refuse to go on where an avatar does something else than it did in the run."""
+        if int(self._run.action[frame : frame + 1][0, avatar]) != action:
             raise TakeError(
                 f"{self._run.folder}: the run cannot be repeated here, it was made with other versions or policies"
             )
-        return describe_decision(decision, self._run.policies[self._run.cast.policies[decision.avatar]])
 
     def _decided(self, avatar: int, frame: int, none: int | None = None) -> int:
         """Return the control frame of an avatar's last decision up to one; ``none``, or an error, without one."""
@@ -94,6 +116,10 @@ class Repeated:
 
     def _decisions(self, frame: int) -> list[Decision]:
         """Return the decisions of a control frame."""
+        return self._simulated(frame).explain()
+
+    def _simulated(self, frame: int) -> Simulation:
+        """Return the simulation after ``frame`` control frames."""
         simulation = self._simulation
         if simulation is None or simulation.frame > frame:
             if simulation is not None:
@@ -104,4 +130,4 @@ class Repeated:
             self._simulation = simulation
         if simulation.frame < frame:
             simulation.run(frame - simulation.frame)
-        return simulation.explain()
+        return simulation

@@ -19,6 +19,7 @@ from crowdsim.places.kernels.records import PART
 from crowdsim.scenario.camera import Camera
 from crowdsim.scenario.cameras import Chosen, camera_name
 from crowdsim.scenario.frame_ranges import parse_frames
+from crowdsim.scenario.heals import Heal
 from crowdsim.scenario.output import FPS
 from crowdsim.scenario.rates import parse_rate
 from crowdsim.take.take import Take
@@ -44,6 +45,7 @@ class RecordedRun(Take):
         fps: Frames a second of outputs, as its scenario says.
         cameras: Cameras of its scenario by name.
         health: Health at the start of avatars that can be hurt, by the names of their types [points].
+        heals: When health is restored, see ``scenario.heals.find_heals``.
     """
 
     folder: Path | None = None
@@ -53,6 +55,7 @@ class RecordedRun(Take):
     fps: float = FPS
     cameras: Mapping[str, Camera] = field(default_factory=dict)
     health: Mapping[str, float] = field(default_factory=dict)
+    heals: Sequence[Heal] = ()
 
     @classmethod
     def of(cls, take: Take, **more: Any) -> RecordedRun:
@@ -228,7 +231,9 @@ class RecordedRun(Take):
         from crowdsim.view.take_motion import record_take
 
         numbers = self._chosen(avatars)
-        return record_take(self, fps, numbers, frames, threads, self.arena, self.cameras, self.health, self.obstacles)
+        return record_take(
+            self, fps, numbers, frames, threads, self.arena, self.cameras, self.health, self.obstacles, self.heals
+        )
 
     def _chosen(self, avatars: ArrayLike | None) -> list[int] | None:
         """Return the numbers of avatars, ascending; None for all."""

@@ -61,7 +61,7 @@ def write_report(
     except ValidationError as error:
         found = error.errors()[0]
         raise CrowdsimError(f"report: {'.'.join(map(str, found['loc']))}: {found['msg']}") from None
-    return write_output(output, run, folder, run.arena, out, threads, progress, force)
+    return write_output(output, run, folder, run.arena, out, threads, progress, force, run.obstacles)
 
 
 def write_output(
@@ -73,6 +73,7 @@ def write_output(
     threads: int = 1,
     progress: Progress | None = None,
     force: bool = False,
+    obstacles: Array | None = None,
 ) -> Path:
     """Write a report of a finished take; return its path. Further arguments and errors are those of ``write_report``.
 
@@ -85,6 +86,7 @@ def write_output(
         threads: Threads.
         progress: Called with stage, done and total.
         force: Whether to write it again although it is there, and to replace one in another folder.
+        obstacles: Parts of its scenario's obstacles.
     """
     scenario = read_resolved(place_of(folder))
     if not scenario:
@@ -94,5 +96,6 @@ def write_output(
     wanted = Wanted(FILES, asked, {"report.html"}, {"take": take_mark(take), "of": scenario})
     with write_together(place, wanted, folder, force, threads) as writing:
         if not writing.done:
-            output.write_page(FinishedTake(take, take.policies, writing.folder, threads, progress, arena), scenario)
+            done = FinishedTake(take, take.policies, writing.folder, threads, progress, arena, obstacles=obstacles)
+            output.write_page(done, scenario)
     return place / "report.html"

@@ -38,6 +38,7 @@ from crowdsim.runs.provenance import Origin, document_difference, origin_of
 from crowdsim.runs.recorded import RecordedRun
 from crowdsim.runs.run import Report, Run
 from crowdsim.runs.stage import TAKE, Stage, complete, complete_alone, open_stage, planned_files, refuse_others
+from crowdsim.scenario.heals import find_heals
 from crowdsim.scenario.output import Extent
 from crowdsim.scenario.scenario import Scenario, check_loaded, dump_scenario
 from crowdsim.scenario.warnings import policy_warnings
@@ -90,6 +91,7 @@ def run(
     collector = TakeCollector(take_header(scenario, crowd), crowd.policies)
     record(one, crowd, collector)
     health = {name: one.damage.health for name, one in scenario.types.items() if one.damage is not None}
+    groups, events = ([one.model_dump() for one in part] for part in (scenario.groups, scenario.events))
     return RecordedRun.of(
         collector.take(),
         arena=crowd.arena,
@@ -97,6 +99,7 @@ def run(
         fps=scenario.fps,
         cameras=scenario.cameras,
         health=health,
+        heals=find_heals(groups, events, crowd.rate),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from itertools import chain, islice
@@ -15,6 +16,7 @@ from crowdsim.scenario.cameras import KINDS, check_avatars, choice_findings, sho
 from crowdsim.scenario.description import Description
 from crowdsim.scenario.fight_checks import fight_findings
 from crowdsim.scenario.groups import MAXIMUM_AVATARS, FixedOpponents, Opponents, TablePlacement
+from crowdsim.scenario.parts import Arena, CircleArena, RectangleArena
 
 _MOST_OF_CIRCLE = 10
 
@@ -182,6 +184,9 @@ def _crowd_findings(scenario: Description) -> Iterator[Finding]:
         member = getattr(event, "member", None)
         if member is not None:
             yield from _member_findings(crowd, event.group, member, ("events", j))
+        if event.kind == "place" and not _is_inside(scenario.arena, *event.point):
+            what = f"is {event.point[0]:g}, {event.point[1]:g}, expected a point in the arena"
+            yield Finding(("events", j, "point"), what)
         if event.kind == "retarget" and (event.opponents, event.group, member) not in seen:
             # Many events may do the same; the first one's finding will do.
             seen.add((event.opponents, event.group, member))
@@ -261,6 +266,16 @@ class _Crowd:
         self.indices: dict[str, list[int]] = {}
         for i, group in enumerate(scenario.groups):
             self.indices.setdefault(group.name or f"group{i + 1}", []).append(i)
+
+
+def _is_inside(arena: Arena, x: float, z: float) -> bool:
+    """Return whether a point lies in an arena."""
+    if isinstance(arena, CircleArena):
+        return math.hypot(x - arena.centre[0], z - arena.centre[1]) <= arena.radius
+    if isinstance(arena, RectangleArena):
+        (middle_x, middle_z), (wide, deep) = arena.centre, arena.size
+        return abs(x - middle_x) <= wide / 2 and abs(z - middle_z) <= deep / 2
+    return True
 
 
 def _member_findings(crowd: _Crowd, group: str | None, member: int, path: tuple[str | int, ...]) -> Iterator[Finding]:

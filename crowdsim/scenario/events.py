@@ -224,6 +224,35 @@ class FightEvent(StrictModel):
     group: Name | None = Field(default=None, description="Group that it concerns; without it everyone.")
 
 
+class PlaceEvent(StrictModel):
+    """An avatar is put somewhere else."""
+
+    kind: Literal["place"] = Field(
+        description="Takes an avatar out of the scene and puts it at a point in the next control frame, with the "
+        "heading, health and stamina that it had; up to 1 m beside the point where others or obstacles are, or as soon "
+        "as there is room. One that is down, or not there, stays as it is."
+    )
+    when: Condition = Field(description="When it happens.")
+    group: Name = Field(description="Group of the avatar.")
+    member: int = Field(default=0, ge=0, description="Number of the avatar in that group, from 0.")
+    point: Point = Field(description="Where it is put, x and z [m].")
+
+
+Moment = Annotated[FrameCondition | SecondsCondition, Field(discriminator="kind")]
+
+
+class HealEvent(StrictModel):
+    """Health is restored."""
+
+    kind: Literal["heal"] = Field(
+        description="Gives avatars that are there full health and stamina, and lets those get up that are down for "
+        "good; their knock-downs count anew."
+    )
+    when: Moment = Field(description="When it happens.")
+    group: Name | None = Field(default=None, description="Group that it concerns; without it everyone.")
+    member: Member = None
+
+
 Event = Annotated[
     WeightsEvent
     | RetargetEvent
@@ -233,6 +262,8 @@ Event = Annotated[
     | FleeEvent
     | WatchEvent
     | RestEvent
-    | FightEvent,
+    | FightEvent
+    | PlaceEvent
+    | HealEvent,
     Field(discriminator="kind"),
 ]

@@ -28,6 +28,11 @@ def fight_findings(scenario: Description) -> Iterator[Finding]:
             concerned = [group for name, group in by_name.items() if event.group in (None, name)]
             if concerned and not any(_hurt(scenario, group) for group in concerned):
                 yield Finding(("events", i, "health_below"), f"nothing hurts these avatars, {_NEEDS_DAMAGE}")
+        if event.kind == "heal":
+            concerned = [group for name, group in by_name.items() if event.group in (None, name)]
+            if concerned and not any(_hurt(scenario, group) or _tires(scenario, group) for group in concerned):
+                what = f"nothing hurts or tires these avatars, {_NEEDS_DAMAGE}, or 'stamina'"
+                yield Finding(("events", i, "kind"), what)
         when = event.when
         if when.kind == "ended" and (scenario.until is None or scenario.linger == 0):
             what = "never comes without 'until'" if scenario.until is None else "comes with the last frame"
@@ -49,6 +54,11 @@ def fight_findings(scenario: Description) -> Iterator[Finding]:
                 least = min(damage.health for damage in given)
                 what = f"is {when.points:g}, but avatars of {when.group!r} start with less, expected at most {least:g}"
                 yield Finding(("events", i, "when", "points"), what)
+
+
+def _tires(scenario: Description, group: Group) -> bool:
+    """Return whether avatars of a group tire."""
+    return any(scenario.types[name].stamina is not None for name in group.types if name in scenario.types)
 
 
 def _end_findings(scenario: Description) -> Iterator[Finding]:

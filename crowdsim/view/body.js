@@ -1,6 +1,8 @@
 // Bodies: forward kinematics between two recorded frames, and the capsules on the joints.
 
 const FLOATS = 12; // of a capsule: an end and its radius, the other end and its radius, linear colour and gloss
+const SKIN_PIXELS = 110, MOST_SKINS = 16; // how tall avatars with skins are in the picture [px], and how many have one
+const CLOUD_POINTS = 2500, MOST_POINTS = 60000; // points a square metre of a capsule, about, and in all
 const MARKER_RADIUS = 0.13, MARKER_PAINT = [0.85, 0.5, 0.03, 0.3];
 
 function rotate(out, o, q, i, x, y, z) {
@@ -9,6 +11,16 @@ function rotate(out, o, q, i, x, y, z) {
   out[o] = x + w * u + b * t - c * v;
   out[o + 1] = y + w * v + c * u - a * t;
   out[o + 2] = z + w * t + a * v - b * u;
+}
+
+function multiply4([w, x, y, z], [a, b, c, d]) {
+  return [w * a - x * b - y * c - z * d, w * b + x * a + y * d - z * c, w * c - x * d + y * a + z * b, w * d + x * c - y * b + z * a];
+}
+
+// Colours of labels: hues far from one another, of three lightnesses.
+function labelColour(label) {
+  const hue = label * 0.618034 % 1, light = [0.85, 0.5, 0.25][label % 3];
+  return [0, 1, 2].map(i => light * (0.35 + 0.65 * clamp(Math.abs(((hue + i / 3) % 1) * 6 - 3) - 1, 0, 1)));
 }
 
 function edgeShapes(edges, paint) {
@@ -35,9 +47,18 @@ class Crowd {
         if ([0, 1, 2].every(i => Math.abs(starts[3 * k + i] - ends[3 * k + i]) < 1e-4)) ends[3 * k + 1] += 5e-4;
       }
       most = Math.max(most, figure.joints.length);
-      this.capsules = (this.capsules || 0) + n * figure.avatars.length;
+      this.capsules = (this.capsules || 0) + Math.max(n, 2 * figure.joints.length) * figure.avatars.length;
     }
     this.capsules += scene.targets.length;
+    // What avatars carry, by their types.
+    this.props = [];
+    for (const { type, colour, ...prop } of scene.props ?? []) (this.props[type] ??= []).push({ ...prop, paint: [...colour.map(value => value ** 2), 0.2] });
+    tables.type?.forEach(type => { this.capsules += this.props[type]?.length ?? 0; });
+    this.look = 'bodies'; // or skeletons, or cloud
+    this.skinned = [];
+    this.bones = Array.from({ length: MOST_SKINS }, () => new Float32Array(12 * (most + 4)));
+    this.cloud = new Float32Array(6 * MOST_POINTS);
+    this.points = this.visible = 0;
     // Frames of obstacles: of each edge both ends and the radius.
     this.obstacles = (scene.obstacles ?? []).map(({ edges, ...others }) => ({ ...others, shapes: edgeShapes(edges, others.paint) }));
     for (const { shapes } of this.obstacles) this.capsules += shapes.length / FLOATS;
@@ -121,11 +142,10 @@ class Crowd {
   }
 
   // Poses all avatars that a view shows, or whose shadows it does, with fewer capsules the smaller they are.
-  // `near` is how far out of the picture they may be [m], `detail` how many pixels are drawn for one of the view.
-  place(moment, view, selected, near, detail) {
-    const { shapes, owners, heads, roots, facing, positions: P, rotations: R } = this;
-    const { figure: figures, scale, girth, stretch, height } = this.scene.tables;
-    let at = 0;
+  // `near` is how far out of the picture they may be [m], `detail` how many pixels are drawn for one of the view; `skins`
+  // is how many of them, the largest, have skins where these are known.
+  place(moment, view, selected, near, detail, skins = 0) {
+    const { shapes, owners, heads, roots } = this, { figure: figures, height } = this.scene.tables, seen = [];
     for (let avatar = 0; avatar < this.count; avatar++) {
       roots[3 * avatar] = heads[3 * avatar] = NaN;
       if (!this.isPresent(avatar, moment.before)) continue;
@@ -135,41 +155,18 @@ class Crowd {
         + 3 * this.columns[avatar] * figure.moving.length;
       const x = part.places[place], y = part.places[place + 1], z = part.places[place + 2];
       roots[3 * avatar] = x; roots[3 * avatar + 1] = y; roots[3 * avatar + 2] = z;
-      const tall = height[avatar], pixels = view.pixels(x, y, z, 1.2 * tall + near);
-      if (pixels <= 0 && avatar !== selected) continue;
-      if (!this.pose(avatar, moment)) continue;
-      roots[3 * avatar] = P[0]; roots[3 * avatar + 1] = P[1]; roots[3 * avatar + 2] = P[2];
-      const ahead = figure.face ? figure.face.ahead : [0, 0, 1];
-      if (figure.face) {
-        const { joint, offset } = figure.face, s = scale[avatar];
-        rotate(heads, 3 * avatar, R, 4 * joint, offset[0] * s, offset[1] * s, offset[2] * s);
-        for (let i = 0; i < 3; i++) heads[3 * avatar + i] += P[3 * joint + i];
-      } else {
-        let top = 0;
-        for (let j = 1; j < figure.joints.length; j++) if (P[3 * j + 1] > P[3 * top + 1]) top = j;
-        for (let i = 0; i < 3; i++) heads[3 * avatar + i] = P[3 * top + i];
-      }
-      if (this.feet && figure.feet)
-        this.feet[avatar] = figure.feet.map(j => [P[3 * j], P[3 * j + 1], P[3 * j + 2]]);
-      rotate(facing, 3 * avatar, R, figure.face ? 4 * figure.face.joint : 0, ahead[0], ahead[1], ahead[2]);
-      const { joints, starts, ends, radii, parts, segments, swells } = figure.capsules, all = joints.length;
-      const size = pixels * tall * detail, count = size > 60 ? all : size > 24 ? Math.min(all, 17) : size > 9 ? Math.min(all, 9)
-        : Math.min(all, 4);
-      for (let k = 0; k < count; k++, at++) {
-        const o = FLOATS * at, j = joints[k], long = scale[avatar] * stretch[3 * avatar + segments[k]];
-        const wide = scale[avatar] * (swells[k] ? girth[avatar] : 1), paint = 4 * (7 * avatar + parts[k]);
-        rotate(shapes, o, R, 4 * j, starts[3 * k] * long, starts[3 * k + 1] * long, starts[3 * k + 2] * long);
-        rotate(shapes, o + 4, R, 4 * j, ends[3 * k] * long, ends[3 * k + 1] * long, ends[3 * k + 2] * long);
-        for (let i = 0; i < 3; i++) {
-          shapes[o + i] += P[3 * j + i];
-          shapes[o + 4 + i] += P[3 * j + i];
-        }
-        shapes[o + 3] = radii[2 * k] * wide;
-        shapes[o + 7] = radii[2 * k + 1] * wide;
-        for (let i = 0; i < 4; i++) shapes[o + 8 + i] = this.paints[paint + i];
-        owners[at] = avatar;
-      }
+      const pixels = view.pixels(x, y, z, 1.2 * height[avatar] + near);
+      if (pixels > 0 || avatar === selected) seen.push([avatar, pixels * height[avatar] * detail]);
     }
+    this.skinned = [];
+    if (this.look === 'bodies' && skins > 0) {
+      const large = seen.filter(([avatar, size]) => size > SKIN_PIXELS && this.scene.tables.bone_at?.[avatar] >= 0);
+      this.skinned = large.sort((a, b) => b[1] - a[1]).slice(0, skins).map(([avatar]) => avatar);
+    }
+    const behind = new Set(this.skinned);
+    let at = 0;
+    this.points = 0;
+    for (const [avatar, size] of seen) if (!behind.has(avatar)) at = this.placeAvatar(avatar, size, moment, at);
     for (const [x, y, z] of this.targets(moment)) {
       shapes.set([x, y, z, MARKER_RADIUS, x, y + 5e-4, z, MARKER_RADIUS, ...MARKER_PAINT], FLOATS * at);
       owners[at++] = -1;
@@ -182,7 +179,151 @@ class Crowd {
       owners.fill(-1, at, next);
       at = next;
     }
+    // What skinned avatars carry is drawn; their capsules behind it cast shadows and are pointed at.
+    for (const avatar of this.skinned) at = this.placeAvatar(avatar, 1e9, moment, at, true);
+    this.visible = at;
+    for (const avatar of this.skinned) at = this.placeAvatar(avatar, 1e9, moment, at, false);
     this.drawn = at;
+  }
+
+  // Places an avatar: its body, skeleton or cloud, and what it carries; of a skinned one what it carries (`held`), or its
+  // body and its bones.
+  placeAvatar(avatar, size, moment, at, held = null) {
+    if (!this.pose(avatar, moment)) return at;
+    const { heads, roots, facing, positions: P, rotations: R, look } = this, { scale } = this.scene.tables;
+    const figure = this.scene.figures[this.scene.tables.figure[avatar]];
+    if (held) return this.placeProps(avatar, at);
+    roots[3 * avatar] = P[0]; roots[3 * avatar + 1] = P[1]; roots[3 * avatar + 2] = P[2];
+    const ahead = figure.face ? figure.face.ahead : [0, 0, 1];
+    if (figure.face) {
+      const { joint, offset } = figure.face, s = scale[avatar];
+      rotate(heads, 3 * avatar, R, 4 * joint, offset[0] * s, offset[1] * s, offset[2] * s);
+      for (let i = 0; i < 3; i++) heads[3 * avatar + i] += P[3 * joint + i];
+    } else {
+      let top = 0;
+      for (let j = 1; j < figure.joints.length; j++) if (P[3 * j + 1] > P[3 * top + 1]) top = j;
+      for (let i = 0; i < 3; i++) heads[3 * avatar + i] = P[3 * top + i];
+    }
+    if (this.feet && figure.feet)
+      this.feet[avatar] = figure.feet.map(j => [P[3 * j], P[3 * j + 1], P[3 * j + 2]]);
+    rotate(facing, 3 * avatar, R, figure.face ? 4 * figure.face.joint : 0, ahead[0], ahead[1], ahead[2]);
+    if (held === false) this.writeBones(avatar, figure);
+    if (look === 'skeletons') at = this.placeSkeleton(avatar, figure, at);
+    else if (look === 'cloud') at = this.placeCloud(avatar, figure, at, size);
+    else at = this.placeCapsules(avatar, figure, at, size);
+    return held === null ? this.placeProps(avatar, at) : at;
+  }
+
+  placeCapsules(avatar, figure, at, size) {
+    const { shapes, owners } = this, { joints } = figure.capsules, all = joints.length;
+    const count = size > 60 ? all : size > 24 ? Math.min(all, 17) : size > 9 ? Math.min(all, 9) : Math.min(all, 4);
+    for (let k = 0; k < count; k++, at++) {
+      this.capsule(avatar, figure, k, shapes, FLOATS * at);
+      const paint = 4 * (7 * avatar + figure.capsules.parts[k]);
+      for (let i = 0; i < 4; i++) shapes[FLOATS * at + 8 + i] = this.paints[paint + i];
+      owners[at] = avatar;
+    }
+    return at;
+  }
+
+  // Writes both ends and radii of a capsule of an avatar that is posed.
+  capsule(avatar, figure, k, out, o) {
+    const { positions: P, rotations: R } = this, { scale, girth, stretch } = this.scene.tables;
+    const { joints, starts, ends, radii, segments, swells } = figure.capsules, j = joints[k];
+    const long = scale[avatar] * stretch[3 * avatar + segments[k]], wide = scale[avatar] * (swells[k] ? girth[avatar] : 1);
+    rotate(out, o, R, 4 * j, starts[3 * k] * long, starts[3 * k + 1] * long, starts[3 * k + 2] * long);
+    rotate(out, o + 4, R, 4 * j, ends[3 * k] * long, ends[3 * k + 1] * long, ends[3 * k + 2] * long);
+    for (let i = 0; i < 3; i++) {
+      out[o + i] += P[3 * j + i];
+      out[o + 4 + i] += P[3 * j + i];
+    }
+    out[o + 3] = radii[2 * k] * wide;
+    out[o + 7] = radii[2 * k + 1] * wide;
+  }
+
+  // What avatars of its type carry, with its body's size.
+  placeProps(avatar, at) {
+    const { shapes, owners, positions: P, rotations: R } = this, { scale, type } = this.scene.tables, s = scale[avatar];
+    for (const { joint, start, end, radius, paint } of this.props[type?.[avatar]] ?? []) {
+      const o = FLOATS * at;
+      rotate(shapes, o, R, 4 * joint, ...start.map(value => value * s));
+      rotate(shapes, o + 4, R, 4 * joint, ...end.map(value => value * s));
+      for (let i = 0; i < 3; i++) {
+        shapes[o + i] += P[3 * joint + i];
+        shapes[o + 4 + i] += P[3 * joint + i];
+      }
+      shapes[o + 3] = shapes[o + 7] = radius * s;
+      shapes.set(paint, o + 8);
+      owners[at++] = avatar;
+    }
+    return at;
+  }
+
+  // Bones from joint to joint, and a ball at each joint.
+  placeSkeleton(avatar, figure, at) {
+    const { shapes, owners, positions: P } = this, paint = this.plain(avatar, figure);
+    figure.parents.forEach((parent, j) => {
+      const from = parent < 0 ? j : parent, o = FLOATS * at, same = parent < 0 || [0, 1, 2].every(i => P[3 * j + i] === P[3 * from + i]);
+      shapes.set([P[3 * from], P[3 * from + 1], P[3 * from + 2], 0.012, P[3 * j], P[3 * j + 1] + (same ? 5e-4 : 0), P[3 * j + 2], 0.012, ...paint], o);
+      shapes.set([P[3 * j], P[3 * j + 1], P[3 * j + 2], 0.024, P[3 * j], P[3 * j + 1] + 5e-4, P[3 * j + 2], 0.024, ...paint], o + FLOATS);
+      owners.fill(avatar, at, at + 2);
+      at += 2;
+    });
+    return at;
+  }
+
+  // The colour of its team, as light; of figures without teams that of their largest capsule.
+  plain(avatar, figure) {
+    const { team_colours: colours, tables } = this.scene, colour = colours[tables.team?.[avatar]];
+    const paint = 4 * (7 * avatar + figure.capsules.parts[0]);
+    return colour ? [...colour.map(value => (value / 255) ** 2), 0.1] : [...this.paints.subarray(paint, paint + 4)];
+  }
+
+  // Points on an avatar's capsules, as many as the size of each says, with the avatar's label.
+  placeCloud(avatar, figure, at, size) {
+    const { shapes, cloud } = this, o = FLOATS * at, { joints } = figure.capsules;
+    const label = labelColour(avatar), share = size > 200 ? 1 : size > 60 ? 0.5 : 0.15;
+    for (let k = 0; k < joints.length; k++) {
+      // Capsules are there to be pointed at; they are not drawn.
+      this.capsule(avatar, figure, k, shapes, o + FLOATS * k);
+      this.owners[at + k] = avatar;
+      const c = o + FLOATS * k, axis = [0, 1, 2].map(i => shapes[c + 4 + i] - shapes[c + i]), length = Math.hypot(...axis), [ra, rb] = [shapes[c + 3], shapes[c + 7]];
+      const way = axis.map(value => value / (length || 1)), side = Math.abs(way[1]) < 0.9 ? [way[2], 0, -way[0]] : [0, -way[2], way[1]];
+      const over = 1 / Math.hypot(...side), u = side.map(value => value * over), v = cross3(way, u), count = Math.ceil(share * CLOUD_POINTS * (length + ra + rb) * (ra + rb));
+      for (let n = 0; n < count && this.points < MOST_POINTS; n++) {
+        const turn = 2.399963 * n, along = ((n + 0.5) / count) * (length + ra + rb) - ra, part = clamp(along / (length || 1), 0, 1);
+        const r = ra + (rb - ra) * part, beyond = along < 0 ? along : along > length ? along - length : 0, wide = Math.sqrt(Math.max(r * r - beyond * beyond, 0));
+        const p = 6 * this.points++;
+        for (let i = 0; i < 3; i++) {
+          cloud[p + i] = shapes[c + i] + way[i] * along + wide * (Math.cos(turn) * u[i] + Math.sin(turn) * v[i]);
+          cloud[p + 3 + i] = label[i];
+        }
+      }
+    }
+    return at + joints.length;
+  }
+
+  // What takes the skin of an avatar that is posed into the world, three rows of four for each joint and helper.
+  writeBones(avatar, figure) {
+    const { positions: P, rotations: R } = this, { tables: t } = this.scene, skin = figure.skins[t.bone_skin[avatar]], J = figure.joints.length;
+    const first = t.bone_at[avatar], bones = this.bones[this.skinned.indexOf(avatar)], q = new Float64Array(4 * (J + 4)), row = new Float64Array(3);
+    q.set(R.subarray(0, 4 * J));
+    skin.helpers.forEach((joint, h) => {
+      // Half of how far the joint turns from where it is straight.
+      const above = figure.parents[joint], up = R.subarray(4 * above, 4 * above + 4);
+      const bent = multiply4(multiply4([up[0], -up[1], -up[2], -up[3]], R.subarray(4 * joint, 4 * joint + 4)), skin.straights.slice(4 * h, 4 * h + 4));
+      const half = bent[0] < 0 ? bent.map(value => -value) : bent;
+      half[0] += 1;
+      const size = Math.hypot(...half);
+      q.set(multiply4(up, half.map(value => value / size)), 4 * (J + h));
+    });
+    for (let k = 0; k < J + 4; k++) {
+      const at = first + 12 * k, joint = k < J ? k : skin.helpers[k - J], s = t.scale[avatar];
+      for (let column = 0; column < 4; column++) {
+        rotate(row, 0, q, 4 * k, t.bone[at + column] * s, t.bone[at + 4 + column] * s, t.bone[at + 8 + column] * s);
+        for (let i = 0; i < 3; i++) bones[12 * k + 4 * i + column] = row[i] + (column === 3 ? P[3 * joint + i] : 0);
+      }
+    }
   }
 
   // Where scripted targets are.

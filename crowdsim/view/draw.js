@@ -29,6 +29,19 @@ vec3 develop(vec3 c) {
   return sqrt(min(mix(c, 0.8 + (c - 0.8) / (1.0 + 2.0 * (c - 0.8)), step(0.8, c)), 1.0));
 }
 `;
+const LIT = `
+// How light is on a surface; what is below a body's middle and near the floor sees less of sky and floor: a point, its normal, the way to it, its paint, how far it is.
+vec3 shade(vec3 p, vec3 n, vec3 way, vec4 paint, float hit) {
+  float open = clamp(0.62 + 0.35 * p.y + 0.18 * n.y, 0.45, 1.0);
+  float lit = max(dot(n, sun), 0.0), sky = open * (0.5 + 0.5 * n.y);
+  float low = open * (0.5 - 0.5 * n.y) * min(0.35 + 0.8 * max(p.y, 0.0), 1.0);
+  float shine = paint.a * min(2.0 * lit, 1.0) * pow(max(dot(normalize(sun - way), n), 0.0), 48.0);
+  float rim = max(1.0 + dot(n, way), 0.0);
+  rim = 0.35 * paint.a * sky * rim * rim * rim * rim;
+  vec3 c = paint.rgb * (SUN * lit + SKY * sky + LOW * low) + shine + rim * vec3(0.8, 0.9, 1.0);
+  return develop(mix(c, horizon, fog(hit)));
+}
+`;
 const FETCH = `
 uniform sampler2D shapes;
 uniform int count;
@@ -57,7 +70,7 @@ void main() {
   at = end.xyz + w * end.w + (x * c.x * (r + edge) + y * (c.y * side) * (end.w + edge)) * grow;
   gl_Position = project(at);
 }`;
-const BODY_FRAGMENT = `${HEAD}
+const BODY_FRAGMENT = `${HEAD}${LIT}
 flat in vec4 a, b, paint;
 in vec3 at;
 out vec4 colour;
@@ -103,17 +116,52 @@ void main() {
   vec3 p = eye + hit * way;
   vec4 q = project(p);
   gl_FragDepth = 0.5 + 0.5 * q.z / q.w;
-  // What is below a body's middle and near the floor sees less of sky and floor.
-  float open = clamp(0.62 + 0.35 * p.y + 0.18 * n.y, 0.45, 1.0);
-  float lit = max(dot(n, sun), 0.0), sky = open * (0.5 + 0.5 * n.y);
-  float low = open * (0.5 - 0.5 * n.y) * min(0.35 + 0.8 * max(p.y, 0.0), 1.0);
-  vec3 half_ = normalize(sun - way);
-  float shine = paint.a * min(2.0 * lit, 1.0) * pow(max(dot(half_, n), 0.0), 48.0);
-  float rim = max(1.0 + dot(n, way), 0.0);
-  rim = 0.35 * paint.a * sky * rim * rim * rim * rim;
-  vec3 c = paint.rgb * (SUN * lit + SKY * sky + LOW * low) + shine + rim * vec3(0.8, 0.9, 1.0);
-  colour = vec4(develop(mix(c, horizon, fog(hit))), cover);
+  colour = vec4(shade(p, n, way, paint, hit), cover);
 }`;
+const SKIN_VERTEX = `${HEAD}
+layout(location = 0) in vec3 place;
+layout(location = 1) in vec3 normal;
+layout(location = 2) in uvec4 joints;
+layout(location = 3) in vec4 weights;
+uniform sampler2D bones; // three texels a joint: rows of what takes the skin into the world
+uniform int body; // row of the texture
+out vec3 at, n;
+void main() {
+  vec4 x = vec4(0), y = vec4(0), z = vec4(0);
+  for (int k = 0; k < 4; k++) {
+    int j = 3 * int(joints[k]);
+    x += weights[k] * texelFetch(bones, ivec2(j, body), 0);
+    y += weights[k] * texelFetch(bones, ivec2(j + 1, body), 0);
+    z += weights[k] * texelFetch(bones, ivec2(j + 2, body), 0);
+  }
+  vec4 p = vec4(place, 1);
+  at = vec3(dot(x, p), dot(y, p), dot(z, p));
+  n = vec3(dot(x.xyz, normal), dot(y.xyz, normal), dot(z.xyz, normal));
+  gl_Position = project(at);
+}`;
+const SKIN_FRAGMENT = `${HEAD}${LIT}
+in vec3 at, n;
+uniform vec4 paint;
+out vec4 colour;
+void main() {
+  vec3 way = at - eye;
+  float hit = length(way);
+  colour = vec4(shade(at, normalize(n), way / hit, paint, hit), 1);
+}`;
+const POINT_VERTEX = `${HEAD}
+layout(location = 0) in vec3 place;
+layout(location = 1) in vec3 label;
+uniform float height; // of the picture [px]
+out vec3 tint;
+void main() {
+  gl_Position = project(place);
+  gl_PointSize = clamp(0.006 * height / (extent.y * max(gl_Position.w, 0.1)), 1.0, 6.0);
+  tint = develop(mix(label, horizon, fog(gl_Position.w)));
+}`;
+const POINT_FRAGMENT = `${HEAD}
+in vec3 tint;
+out vec4 colour;
+void main() { colour = vec4(tint, 1); }`;
 const SHADOW_VERTEX = `${HEAD}${FETCH}
 // Shadows on the floor: a capsule as seen along the light is a segment with a width.
 uniform vec3 light, across, over; // towards the light, and both axes at right angles to it
@@ -176,6 +224,7 @@ uniform vec4 arena; // centre and half sizes
 uniform int arenaKind;
 uniform sampler2D heat; // of strikes that have landed, over a part of the floor
 uniform vec4 heatBox; // its corner and its sizes, of which 0 is none
+uniform int heatKind; // 0 for strikes, 1 for values
 float rise(float x) { float h = 0.5 * x; return 1.0 - abs((h - floor(h)) * 2.0 - 1.0); }
 float checks(float x, float w) {
   return (rise(x + 0.5 * w) - rise(x - 0.5 * w)) / w * clamp(1.6 - 0.8 * w, 0.0, 1.0);
@@ -213,10 +262,17 @@ void main() {
   if (heatBox.z > 0.0) {
     vec2 at = (p - heatBox.xy) / heatBox.zw;
     if (at.x > 0.0 && at.x < 1.0 && at.y > 0.0 && at.y < 1.0) {
-      // From the floor's own grey over red to bright yellow: lighter is more, to eyes that see no red too.
       float h = texture(heat, at).r;
+      if (heatKind == 1) {
+        vec3 low = mix(vec3(0.006, 0.01, 0.07), vec3(0.02, 0.09, 0.2), clamp(h * 4.0, 0.0, 1.0));
+        low = mix(low, vec3(0.1, 0.3, 0.25), clamp(h * 4.0 - 1.0, 0.0, 1.0));
+        low = mix(low, vec3(0.45, 0.6, 0.2), clamp(h * 4.0 - 2.0, 0.0, 1.0));
+        tint = mix(tint, mix(low, vec3(1.0, 0.92, 0.5), clamp(h * 4.0 - 3.0, 0.0, 1.0)), 0.9 * smoothstep(0.5, 0.49, length(at - 0.5)));
+      } else if (heatKind == 0) {
+      // From the floor's own grey over red to bright yellow: lighter is more, to eyes that see no red too.
       vec3 warm = mix(vec3(0.35, 0.02, 0.05), mix(vec3(0.8, 0.16, 0.03), vec3(1.0, 0.85, 0.2), smoothstep(0.5, 1.0, h)), smoothstep(0.0, 0.5, h));
       tint = mix(tint, warm, smoothstep(0.02, 0.2, h) * 0.85);
+      }
     }
   }
   vec2 dark = texelFetch(shadows, ivec2(gl_FragCoord.xy), 0).rg;
@@ -290,6 +346,8 @@ class Painter {
       shadow: this.program(SHADOW_VERTEX, SHADOW_FRAGMENT),
       floor: this.program(FLOOR_VERTEX, FLOOR_FRAGMENT),
       mark: this.program(MARK_VERTEX, MARK_FRAGMENT),
+      skin: this.program(SKIN_VERTEX, SKIN_FRAGMENT),
+      point: this.program(POINT_VERTEX, POINT_FRAGMENT),
     };
     this.rows = Math.max(1, Math.ceil(this.crowd.capsules / ROW));
     this.padded = new Float32Array(this.rows * ROW * FLOATS);
@@ -306,6 +364,13 @@ class Painter {
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, indices, gl.STATIC_DRAW);
     this.none = gl.createVertexArray();
+    this.skins = new Map();
+    this.boneTexture = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, this.boneTexture);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, this.crowd.bones[0].length / 4, MOST_SKINS, 0, gl.RGBA, gl.FLOAT, null);
+    this.nearest();
+    this.pointBuffer = gl.createBuffer();
+    this.pointArray = this.attributes([[0, this.pointBuffer, 3, 24, 0], [1, this.pointBuffer, 3, 24, 12]]);
     gl.bindVertexArray(null);
     this.dark = gl.createTexture();
     this.heatMap = gl.createTexture();
@@ -318,6 +383,77 @@ class Painter {
     this.smoothColour = gl.createRenderbuffer();
     this.depth = gl.createRenderbuffer();
     this.size = '';
+  }
+
+  // Returns vertex attributes: the place of each, its buffer, how many numbers, and where these lie.
+  attributes(list) {
+    const gl = this.gl, array = gl.createVertexArray();
+    gl.bindVertexArray(array);
+    for (const [place, buffer, size, stride, offset, kind = gl.FLOAT] of list) {
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      gl.enableVertexAttribArray(place);
+      if (place === 2) gl.vertexAttribIPointer(place, size, kind, stride, offset);
+      else gl.vertexAttribPointer(place, size, kind, kind !== gl.FLOAT, stride, offset);
+    }
+    gl.bindVertexArray(null);
+    return array;
+  }
+
+  // The mesh of a build, which goes to the graphics memory once.
+  mesh(figure, build) {
+    const gl = this.gl, key = `${figure} ${build}`;
+    if (this.skins.has(key)) return this.skins.get(key);
+    const skin = this.scene.figures[figure].skins[build], { tables: t } = this.scene, of = name => t[`skin_${skin.number}_${name}`];
+    const fill = (target, values) => {
+      const buffer = gl.createBuffer();
+      gl.bindBuffer(target, buffer);
+      gl.bufferData(target, values, gl.STATIC_DRAW);
+      return buffer;
+    };
+    const normals = Int8Array.from(of('normals'), value => value - 128);
+    const array = this.attributes([[0, fill(gl.ARRAY_BUFFER, of('vertices')), 3, 0, 0], [1, fill(gl.ARRAY_BUFFER, normals), 3, 0, 0, gl.BYTE],
+      [2, fill(gl.ARRAY_BUFFER, of('joints')), 4, 0, 0, gl.UNSIGNED_BYTE], [3, fill(gl.ARRAY_BUFFER, of('weights')), 4, 0, 0, gl.UNSIGNED_BYTE]]);
+    gl.bindVertexArray(array);
+    fill(gl.ELEMENT_ARRAY_BUFFER, Uint16Array.from(of('triangles')));
+    gl.bindVertexArray(null);
+    const made = { array, ends: skin.ends };
+    this.skins.set(key, made);
+    return made;
+  }
+
+  // Draws the skins of the avatars that have one now.
+  drawSkins(view) {
+    const gl = this.gl, { crowd, scene: { tables: t } } = this;
+    if (!crowd.skinned.length) return;
+    gl.activeTexture(gl.TEXTURE3);
+    gl.bindTexture(gl.TEXTURE_2D, this.boneTexture);
+    crowd.skinned.forEach((_, row) => gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, row, crowd.bones[row].length / 4, 1, gl.RGBA, gl.FLOAT, crowd.bones[row]));
+    this.use('skin', view, {});
+    const { uniforms } = this.programs.skin;
+    gl.enable(gl.CULL_FACE);
+    crowd.skinned.forEach((avatar, row) => {
+      const { array, ends } = this.mesh(t.figure[avatar], t.bone_skin[avatar]);
+      gl.bindVertexArray(array);
+      gl.uniform1i(uniforms.body, row);
+      let first = 0;
+      ends.forEach((end, part) => {
+        const paint = [0, 1, 2, 3].map(i => t.skin_paint[4 * (ends.length * avatar + part) + i] / 255);
+        gl.uniform4f(uniforms.paint, paint[0] ** 2, paint[1] ** 2, paint[2] ** 2, paint[3]);
+        if (end > first) gl.drawElements(gl.TRIANGLES, 3 * (end - first), gl.UNSIGNED_SHORT, 6 * first);
+        first = end;
+      });
+    });
+    gl.disable(gl.CULL_FACE);
+  }
+
+  drawPoints(view) {
+    const gl = this.gl, { crowd } = this;
+    if (!crowd.points) return;
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.pointBuffer);
+    gl.bufferData(gl.ARRAY_BUFFER, crowd.cloud.subarray(0, 6 * crowd.points), gl.DYNAMIC_DRAW);
+    this.use('point', view, { height: this.height });
+    gl.bindVertexArray(this.pointArray);
+    gl.drawArrays(gl.POINTS, 0, crowd.points);
   }
 
   nearest(filter = this.gl.NEAREST) {
@@ -384,7 +520,7 @@ class Painter {
     this.times = [];
   }
 
-  use(name, view, more) {
+  use(name, view, more, count = this.crowd.drawn) {
     const gl = this.gl, { program, uniforms } = this.programs[name], look = LOOKS[this.theme];
     gl.useProgram(program);
     const values = {
@@ -397,7 +533,7 @@ class Painter {
       if (typeof value === 'number') gl.uniform1f(place, value);
       else gl[`uniform${value.length}fv`](place, value);
     }
-    for (const [key, value] of [['count', this.crowd.drawn], ['shapes', 0], ['shadows', 1], ['heat', 2], ['arenaKind', this.scene.arena[0]]])
+    for (const [key, value] of [['count', count], ['shapes', 0], ['shadows', 1], ['heat', 2], ['bones', 3], ['arenaKind', this.scene.arena[0]], ['heatKind', this.heat?.isValues ? 1 : 0]])
       if (uniforms[key] !== undefined) gl.uniform1i(uniforms[key], value);
   }
 
@@ -467,9 +603,12 @@ class Painter {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.enable(gl.DEPTH_TEST);
     if (this.samples) gl.enable(gl.SAMPLE_ALPHA_TO_COVERAGE);
-    this.use(this.samples ? 'smoothBody' : 'body', view, {});
-    if (rows) this.quadsOf();
+    const { visible } = this.crowd, bare = this.crowd.look === 'cloud' ? 0 : visible;
+    this.use(this.samples ? 'smoothBody' : 'body', view, {}, bare);
+    if (bare) this.quadsOf();
     gl.disable(gl.SAMPLE_ALPHA_TO_COVERAGE);
+    this.drawSkins(view);
+    this.drawPoints(view);
     if (seconds !== null) this.marks(view, seconds);
     gl.colorMask(true, true, true, true);
     gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.smooth);

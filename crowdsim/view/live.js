@@ -154,8 +154,12 @@ class LivePlayer extends Player {
   makeCrowd() { return new LiveCrowd(this.recording); }
   makeFacts() { return new LiveFacts(this.scene, this.recording); }
   makeReasons() { return new LiveReasons(); }
+  makeValues() { return new LiveValues(); }
 
-  ownKeys() { return [['drag a target', 'moves it over the floor; with Shift up and down']]; }
+  ownKeys() {
+    return [['drag a target', 'moves it over the floor; with Shift up and down'],
+      ['drag the chosen avatar', 'puts it where it is let go, or beside it; a second finger lets it be']];
+  }
 
   frame(state) {
     this.facts.add(state.strikes);
@@ -168,10 +172,11 @@ class LivePlayer extends Player {
     if (message.restart) {
       this.recording.clear();
       this.facts.clear();
-      this.reasons.decisions.length = 0;
+      this.reasons.decisions.length = this.values.decisions.length = 0;
       this.time = 0;
     }
     if (message.why) this.reasons.add(message.why);
+    if (message.values) this.values.add(message.values);
     if (message.error) {
       // What was refused may be where a target was dragged to.
       this.recording.dragged.clear();
@@ -239,6 +244,9 @@ class LivePlayer extends Player {
       this.change();
     });
     on('set-free', () => send('set_on', { avatar: this.selected }));
+    on('heal', () => send('heal', { avatar: this.selected }));
+    on('heal-all', () => send('heal'));
+    element('heal-all').hidden = !this.facts.canBeHurt;
     on('remove', () => send(this.isThere() ? 'remove' : 'add', { avatar: this.selected }));
   }
 
@@ -248,6 +256,13 @@ class LivePlayer extends Player {
     if (asked !== this.asked) this.recording.send({ do: 'why', avatar: asked });
     this.asked = asked;
     super.tellWhy();
+  }
+
+  floorMap() {
+    const asked = this.options.valued && this.selected >= 0 ? this.selected : null;
+    if (asked !== this.valued) this.recording.send({ do: 'values', ...(asked === null ? {} : { avatar: asked }) });
+    this.valued = asked;
+    return super.floorMap();
   }
 
   isThere() { return Boolean(this.recording.state(this.recording.latest)?.there[this.selected]); }
@@ -283,7 +298,7 @@ class LivePlayer extends Player {
       const miss = Math.hypot(seen[0] - event.offsetX, seen[1] - event.offsetY), size = 1.3 * MARKER_RADIUS * view.focal / seen[2];
       if (miss < Math.max(size, event.pointerType === 'touch' ? 24 : 12) && miss < nearest) [best, nearest] = [{ k, point }, miss];
     }
-    if (!best) return null;
+    if (!best) return this.holdAvatar(event);
     const place = { at: [...best.point], held: true };
     recording.dragged.set(best.k, place);
     return {
@@ -295,6 +310,25 @@ class LivePlayer extends Player {
         this.change();
       },
       drop: () => { place.held = false; },
+    };
+  }
+
+  // Takes hold of the chosen avatar under the pointer: a ring shows where it would be put.
+  holdAvatar(event) {
+    const avatar = this.selected;
+    if (avatar < 0 || !this.isThere() || this.setting || event.button || event.shiftKey || this.pick(event) !== avatar) return null;
+    const { roots } = this.crowd, place = { at: [roots[3 * avatar], 0, roots[3 * avatar + 2]] };
+    return {
+      move: moved => {
+        this.dragTo(place, moved);
+        this.overlay.placing = { avatar, at: place.at };
+        this.change();
+      },
+      drop: done => {
+        if (done && this.overlay.placing) this.recording.send({ do: 'place', avatar, x: place.at[0], z: place.at[2] });
+        this.overlay.placing = null;
+        this.change();
+      },
     };
   }
 
@@ -336,9 +370,10 @@ class LivePlayer extends Player {
   tell() {
     const { thrown, landed } = this.counts ?? { thrown: 0, landed: 0 }, chosen = this.selected >= 0, there = chosen && this.isThere();
     element('summary').textContent = `live · ${thrown} strike${thrown === 1 ? '' : 's'}, ${landed} landed`;
-    element('actions').hidden = !chosen || this.scene.names.length < 2;
+    element('actions').hidden = !chosen || this.scene.names.length < 2 && !this.facts.canBeHurt;
     element('set-on').textContent = this.setting ? 'Click its opponent ...' : 'Set on ...';
-    element('set-on').disabled = element('set-free').disabled = !there;
+    element('heal').hidden = !(chosen && this.scene.tables.health[2 * this.selected] > 0);
+    element('set-on').disabled = element('set-free').disabled = element('heal').disabled = !there;
     element('remove').textContent = there ? 'Take out' : 'Bring back';
   }
 }

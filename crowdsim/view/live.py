@@ -12,7 +12,8 @@ import struct
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -24,9 +25,13 @@ from crowdsim.crowd.explaining import Decision
 from crowdsim.crowd.obstacles import pack_obstacles
 from crowdsim.crowd.record import TakeData
 from crowdsim.motion import quaternion
-from crowdsim.poses.layer import Layer, Scheduler
+from crowdsim.motion.strikes import HANDS
+from crowdsim.poses.contacts import strikes_near
+from crowdsim.poses.hits import by_column
+from crowdsim.poses.kernels.fists import JOINTS, Landings
+from crowdsim.poses.layer import Layer, Part, Scheduler
 from crowdsim.poses.layers import LAYERS
-from crowdsim.poses.layers.fists import Fists
+from crowdsim.poses.layers.fists import Fists, plan_landings
 from crowdsim.poses.layers.floor import Floor, Settling
 from crowdsim.poses.motion import prepare_motion
 from crowdsim.poses.poser import Poser
@@ -35,6 +40,7 @@ from crowdsim.view.recording import Recording
 from crowdsim.view.take_motion import record_take
 
 if TYPE_CHECKING:
+    from crowdsim.crowd.value_map import ValueMap
     from crowdsim.scenario.scenario import Scenario
 
 LAG = 2
@@ -45,6 +51,8 @@ WITHOUT = frozenset({"separation", "deflection", "second deflection"})
 """Layers that live poses do without."""
 _STIFFNESS, _FURTHEST = 20.0, 0.6
 """How fast offsets of poses die away [1/s], and the greatest that is no jump to another place [m]."""
+_PLANNED = ("shifts", "goals", "stops", "rotations", "moves")
+"""What is kept of the plan of a strike that lands, see ``Landings``."""
 _WINDOW = 45
 """Control frames that live poses look back on; reactions to hits last no longer than that."""
 
@@ -82,6 +90,9 @@ class Played(Protocol):
     def explain(self) -> list[Decision]:
         """Return the decisions of the next control frame."""
 
+    def value_map(self, avatar: int) -> ValueMap | None:
+        """Return what an avatar's next action is worth by where its opponent stands."""
+
     def health(self) -> tuple[Array, Array]:
         """Return the health of each avatar now, and at the start. Shape (N,) each."""
 
@@ -99,6 +110,12 @@ class Played(Protocol):
 
     def add(self, avatar: int) -> None:
         """Let an avatar come back."""
+
+    def place(self, avatar: int, x: float, z: float) -> str:
+        """Put an avatar at a point, or beside it; return where that is [m]."""
+
+    def heal(self, avatar: int | None = None) -> None:
+        """Restore the health of an avatar, or of all."""
 
     def drag(self, target: int, x: float, y: float, z: float) -> None:
         """Let a target be at a point from the next control frame on [m]."""
@@ -151,10 +168,49 @@ class Settled:
 
 
 class NearFists(Fists):
-    """Fists that touch bodies as these are without fists of their own, which saves posing further avatars."""
+    """Fists that touch bodies as these are without fists of their own, which saves posing further avatars.
+
+    Where a fist touches is planned once, when the strike is known, and then kept.
+    """
 
     needs = ("reactions", "reactions")
     hops = 0
+    planned: ClassVar[dict[tuple[int, ...], tuple[Array, ...]]]
+    """Fields ``_PLANNED`` of landings by attacker, victim, hand and time."""
+    first: ClassVar[int]
+    """The first control frame of the take."""
+
+    def plan(self, part: Part) -> Landings:
+        """Return where fists touch."""
+        near, columns = strikes_near(self.poser.landed, part), part.window.columns()
+        near, count = near.of(np.isin(near.limbs, HANDS)), len(part.window.avatars)
+        frames = np.rint(1000.0 * (near.times * self.poser.take.control_rate + self.first)).astype(np.int64)
+        keys = list(zip(*(one.tolist() for one in (near.attackers, near.victims, near.hands, frames)), strict=True))
+        fresh = np.array([key not in self.planned for key in keys], bool)
+        if fresh.any():
+            some, rows = near.of(fresh), np.flatnonzero(fresh)
+            pose_at = partial(self.poser.joints, through=self.needs[0], hops=part.hops + 1)
+            landings = plan_landings(
+                self.poser.take, some, columns, count, pose_at, pose_at, part.window.motion, part.hops == 0
+            )
+            order, _ = by_column(columns[some.attackers], count, some.times)
+            for place, row in enumerate(rows[order].tolist()):
+                self.planned[keys[row]] = tuple(getattr(landings, name)[place] for name in _PLANNED)
+        order, starts = by_column(columns[near.attackers], count, near.times)
+        shifts, goals, stops, rotations, moves = self._joined([self.planned[keys[row]] for row in order])
+        return Landings(
+            starts, near.times[order], near.hands[order], shifts, near.spans[order], goals, near.blocked[order], stops,
+            rotations, moves,
+        )  # fmt: skip
+
+    def _joined(self, rows: Sequence[tuple[Array, ...]]) -> list[Array]:
+        """Return plans of strikes as arrays; where some are stopped by fewer capsules, NaN fills up."""
+        if not rows:
+            return [np.zeros(shape) for shape in ((0, 3), (0, 3), (0, 3, 0, 8), (0, JOINTS, 3), (0, 3))]
+        most = max(row[2].shape[1] for row in rows)
+        stops = [np.pad(row[2], ((0, 0), (0, most - row[2].shape[1]), (0, 0)), constant_values=np.nan) for row in rows]
+        shifts, goals, _, rotations, moves = (np.array([row[k] for row in rows]) for k in (0, 1, 1, 3, 4))
+        return [shifts, goals, np.array(stops), rotations, moves]
 
 
 class LivePoses:
@@ -168,6 +224,9 @@ class LivePoses:
 
     def __init__(self, crowd: Crowd, reactions: bool = True, collision_avoidance: bool = True) -> None:
         self._crowd, self._frames = crowd, deque[Frame](maxlen=_WINDOW)
+        # Variables of the last frames lie one after another, up to ``_end``.
+        self._rows: dict[str, Array] = {}
+        self._end = 0
         self._reactions, self._avoids = reactions, collision_avoidance
         self._motions = [prepare_motion(policy) for policy in crowd.policies]
         settlings = [Settling(motion) for motion in self._motions]
@@ -179,7 +238,11 @@ class LivePoses:
                 Layer.__init__(self, poser)
                 self._settlings = settlings
 
-        kept = {Floor: KeptFloor, Fists: NearFists}
+        class KeptFists(NearFists):
+            planned: ClassVar[dict[tuple[int, ...], tuple[Array, ...]]] = {}
+
+        self._fists = KeptFists
+        kept = {Floor: KeptFloor, Fists: KeptFists}
         self._kinds = tuple(kept.get(kind, kind) for kind in LAYERS)
         self._policies = np.unique(crowd.cast.policies)
         self._owners = [np.flatnonzero(crowd.cast.policies == index) for index in self._policies]
@@ -191,7 +254,21 @@ class LivePoses:
 
     def add(self, frame: Frame) -> None:
         """Add the control frame that has just been simulated."""
+        if not self._frames:
+            shapes = {name: (2 * _WINDOW, *getattr(frame, name).shape) for name in VARIABLES}
+            self._rows = {name: np.empty(shape, getattr(frame, name).dtype) for name, shape in shapes.items()}
         self._frames.append(frame)
+        if self._end == 2 * _WINDOW:
+            for rows in self._rows.values():
+                rows[: _WINDOW - 1] = rows[_WINDOW + 1 :]
+            self._end = _WINDOW - 1
+        for name, rows in self._rows.items():
+            rows[self._end] = getattr(frame, name)
+        self._end += 1
+        self._fists.first = first = self._frames[0].number
+        planned = self._fists.planned
+        for key in [one for one in planned if one[-1] < 1000 * first]:
+            del planned[key]
 
     @property
     def shown(self) -> int:
@@ -233,9 +310,10 @@ class LivePoses:
     def _take(self) -> TakeData:
         """Return the last control frames as a take of their own."""
         frames, first = list(self._frames), self._frames[0].number
-        events = {one.name: np.concatenate([getattr(f.events, one.name) for f in frames]) for one in fields(Events)}
+        thrown = [frame.events for frame in frames if len(frame.events.frame)] or [frames[0].events]
+        events = {one.name: np.concatenate([getattr(each, one.name) for each in thrown]) for one in fields(Events)}
         events["frame"] = (events["frame"] - first).astype(np.float32)
-        variables: dict[str, Any] = {name: np.stack([getattr(frame, name) for frame in frames]) for name in VARIABLES}
+        variables: dict[str, Any] = {name: self._rows[name][self._end - len(frames) : self._end] for name in VARIABLES}
         return TakeData(
             **variables,
             cast=self._crowd.cast,

@@ -63,6 +63,7 @@ class Overlay {
     this.contacts(view, seconds);
     if (options.trails) this.trails(view, moment, options.selected);
     if (options.selected >= 0) this.selection(view, options.selected);
+    if (this.placing) this.place(view, this.placing);
     if (options.joints && options.selected >= 0) this.joints(view, moment, options.selected);
     this.names(view, seconds, options);
   }
@@ -118,6 +119,25 @@ class Overlay {
       ctx.lineWidth = width;
       ctx.strokeStyle = colour;
       ctx.stroke();
+    }
+  }
+
+  // Where an avatar would be put that is dragged: a dashed line from it to a ring with a cross.
+  place(view, { avatar, at: [x, , z] }) {
+    const { ctx, crowd: { roots } } = this, from = view.project(roots[3 * avatar], 0.02, roots[3 * avatar + 2]);
+    const arm = (dx, dz) => [view.project(x - dx, 0.02, z - dz), view.project(x + dx, 0.02, z + dz)];
+    for (const [width, colour] of [[5, '#000000b0'], [2.5, '#ffffff']]) {
+      Object.assign(ctx, { lineWidth: width, strokeStyle: colour });
+      if (this.floorRing(view, x, z, 0.3)) ctx.stroke();
+      for (const [a, b] of [arm(0.12, 0), arm(0, 0.12), [from, view.project(x, 0.02, z)]]) {
+        if (!a || !b) continue;
+        ctx.setLineDash(a === from ? [8, 6] : []);
+        ctx.beginPath();
+        ctx.moveTo(a[0], a[1]);
+        ctx.lineTo(b[0], b[1]);
+        ctx.stroke();
+      }
+      ctx.setLineDash([]);
     }
   }
 

@@ -15,6 +15,8 @@ class Facts {
       if (t.strike_attacker[i] >= 0) this.thrown[t.strike_attacker[i]].push(i);
       if (t.strike_victim[i] >= 0) this.received[t.strike_victim[i]].push(i);
     });
+    this.healed = Array.from({ length: scene.names.length }, () => []);
+    (t.heal_time || []).forEach((time, i) => this.healed[t.heal_avatar[i]].push(time));
     this.landed = [];
     t.strike_time.forEach((_, i) => { if (this.hasHit(i)) this.landed.push(i); });
     this.downs = Array.from({ length: scene.names.length }, () => []);
@@ -33,12 +35,14 @@ class Facts {
 
   colourOf(avatar) { return `rgb(${this.scene.team_colours[this.scene.tables.team[avatar]]})`; }
 
-  // Health at a time: what it began with, less what strikes have taken since.
+  // Health at a time: what it began with, or what was restored, less what strikes have taken since.
   health(avatar, seconds) {
     const t = this.scene.tables;
-    let left = t.health[2 * avatar + 1];
+    let left = t.health[2 * avatar + 1], since = -Infinity;
+    for (const healed of this.healed[avatar]) if (healed <= seconds) [left, since] = [t.health[2 * avatar], healed];
     for (const strike of this.received[avatar]) {
       if (t.strike_time[strike] > seconds) break;
+      if (t.strike_time[strike] <= since) continue;
       left = Math.max(left - t.strike_damage[strike], 0);
     }
     return left;

@@ -10,7 +10,7 @@ const KEYS = [
   ['N P', 'next or previous avatar'], ['V', 'follow the chosen avatar'], ['B', 'see with its eyes'], ['Esc', 'choose none'],
   ['T', 'names'], ['M', 'marks of strikes'],
   ['G', 'trails on the floor of the last 3 s, of the chosen avatar where one is chosen'],
-  ['H', 'heat map of the strikes that have landed'], ['J', 'joints of the chosen avatar with their names'], ['C', 'copy the camera as YAML'],
+  ['H', 'heat map of the strikes that have landed'], ['U', 'values around the chosen avatar, live and from the server of crowdsim view'], ['J', 'joints of the chosen avatar with their names'], ['K', 'bodies, skeletons, or the labelled cloud'], ['C', 'copy the camera as YAML'],
   ['?', 'these keys'],
 ];
 const POINTING = [
@@ -33,8 +33,11 @@ class Player {
     this.panel = new Panel(this.crowd, this.facts);
     this.reasonPanel = new ReasonPanel(this.facts);
     this.reasons = this.makeReasons();
+    this.values = this.makeValues();
+    this.valuePanel = new ValuePanel();
+    element('values-box').hidden = !this.values;
     this.timeline = new Timeline(element('strip'), this.facts);
-    this.options = { labels: scene.names.length <= 4, marks: true, joints: false, trails: false, hits: false };
+    this.options = { labels: scene.names.length <= 4, marks: true, joints: false, trails: false, hits: false, valued: false };
     element('labels').checked = this.options.labels;
     this.dark = matchMedia('(prefers-color-scheme: dark)');
     this.dark.addEventListener('change', () => this.change());
@@ -51,6 +54,8 @@ class Player {
     const { why } = this.recording;
     return why === true ? new ServedReasons(this.scene, () => this.change()) : why ? new PageReasons(this.scene, why) : null;
   }
+
+  makeValues() { return this.recording.why === true ? new ServedValues(this.scene, () => this.change()) : null; }
 
   change() { this.dirty = true; }
 
@@ -148,7 +153,8 @@ class Player {
     this.camera.choices.forEach((choice, i) => { element('camera').append(new Option(`${i + 1} ${choice.name}`, i)); });
     on('camera', 'change', () => this.chooseCamera(Number(element('camera').value)));
     on('avatar', 'change', () => this.select(Number(element('avatar').value)));
-    for (const option of ['labels', 'marks', 'trails', 'hits']) on(option, 'change', () => this.set(option, element(option).checked));
+    for (const option of ['labels', 'marks', 'trails', 'hits', 'valued']) on(option, 'change', () => this.set(option, element(option).checked));
+    on('look', 'change', () => this.change());
     on('copy', 'click', () => this.copyCamera());
     on('help', 'click', () => this.showKeys());
     on('why', 'toggle', () => this.change());
@@ -168,6 +174,18 @@ class Player {
     const { selected, reasons } = this, knows = selected >= 0 && reasons !== null && reasons.knows(selected);
     element('reasons').hidden = !knows;
     if (knows && element('why').open) this.reasonPanel.show(reasons.find(selected, Math.floor(this.time * this.scene.rate + 1e-6)));
+  }
+
+  // What lies over the floor: values around the chosen avatar, or where strikes have landed.
+  floorMap() {
+    const asked = this.values && this.options.valued && this.selected >= 0;
+    element('values').hidden = !asked;
+    if (!asked) return this.options.hits ? this.facts.heat(this.time) : null;
+    const found = this.values.find(this.selected, Math.floor(this.time * this.scene.rate + 1e-6));
+    this.valuePanel.show(found);
+    if (!found?.values) return null;
+    found.raster ??= rasterValues(found);
+    return found.raster;
   }
 
   set(option, value) {
@@ -193,6 +211,9 @@ class Player {
       if (down.size === 1) {
         moved = 0;
         held = this.hold(event);
+      } else if (held) {
+        held.drop(false);
+        held = null;
       }
       spread = 0;
     });
@@ -219,7 +240,7 @@ class Player {
       this.change();
     });
     for (const name of ['pointerup', 'pointercancel']) canvas.addEventListener(name, event => {
-      if (held) held.drop();
+      if (held) held.drop(name === 'pointerup' && moved >= 4);
       else if (name === 'pointerup' && down.size === 1 && moved < 4 && event.button === 0) this.select(this.pick(event));
       held = null;
       down.delete(event.pointerId);
@@ -283,7 +304,8 @@ class Player {
       v: () => this.chooseCamera(this.camera.find('follow')), b: () => this.chooseCamera(this.camera.find('eye')),
       t: () => this.set('labels', !this.options.labels), m: () => this.set('marks', !this.options.marks),
       g: () => this.set('trails', !this.options.trails), h: () => this.set('hits', !this.options.hits),
-      j: () => this.set('joints', !this.options.joints), c: () => this.copyCamera(), '?': () => this.showKeys(),
+      u: () => this.set('valued', !this.options.valued), j: () => this.set('joints', !this.options.joints),
+      k: () => { const look = element('look'); look.selectedIndex = (look.selectedIndex + 1) % look.length; }, c: () => this.copyCamera(), '?': () => this.showKeys(),
     };
     addEventListener('keydown', event => {
       if (event.ctrlKey || event.metaKey || event.altKey || !this.view || element('keys').open) return;
@@ -355,14 +377,16 @@ class Player {
     this.painter.theme = this.dark.matches ? 'dark' : 'light';
     this.view = this.camera.view(this.crowd, this.time, passed, width, height);
     const onAvatar = ['follow', 'eye'].includes(this.camera.kind), detail = fine ? 1 : (this.painter.width || width) / width;
-    this.crowd.place(moment, this.view, onAvatar ? this.camera.avatar : this.selected, 3, detail);
+    const skins = fine ? MOST_SKINS : [MOST_SKINS, MOST_SKINS, 10, 6][this.painter.quality] ?? 0;
+    this.crowd.look = element('look').value;
+    this.crowd.place(moment, this.view, onAvatar ? this.camera.avatar : this.selected, 3, detail, skins);
     // A camera on an avatar needs to know where that is now.
     if (onAvatar) {
       this.view = this.camera.view(this.crowd, this.time, this.playing ? passed : 0, width, height);
-      this.crowd.place(moment, this.view, this.camera.avatar, 3, detail);
+      this.crowd.place(moment, this.view, this.camera.avatar, 3, detail, skins);
     }
     // While it stands still, the picture is as fine as can be, once nothing has changed for a moment.
-    this.painter.heat = this.options.hits ? this.facts.heat(this.time) : null;
+    this.painter.heat = this.floorMap();
     this.painter.draw(this.view, Boolean(fine), this.options.marks ? this.time : null);
     this.fine = this.playing || fine ? 0 : this.last + 150;
     this.overlay.draw(this.view, moment, this.time, { ...this.options, selected: this.selected, dark: this.dark.matches });

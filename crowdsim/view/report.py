@@ -7,8 +7,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import yaml
 
 from crowdsim.core.types import Progress
+from crowdsim.scenario.heals import find_heals
 from crowdsim.take.figures_text import count, number, percent, rating, time
 from crowdsim.take.measures import AIR, OUT_OF_REACH, STUCK
 from crowdsim.take.quality import TOUCH, measure_take
@@ -16,6 +18,7 @@ from crowdsim.take.run_text import run_sections
 from crowdsim.take.take import Take
 from crowdsim.view.page import asset, check_size, digest, page_parts, program_digest
 from crowdsim.view.recording import Recording
+from crowdsim.view.report_plots import plots
 
 if TYPE_CHECKING:
     from crowdsim.take.figures_text import Row
@@ -56,6 +59,7 @@ def report_parts(
             yield html.escape(part.decode("utf-8")).encode()
         yield b'"></iframe>\n'
     yield _verdicts(figures).encode()
+    yield from (part.encode() for part in _plots(take, yaml.safe_load(scenario)))
     yield _teams(take).encode()
     for title, rows in run_sections(figures):
         yield _section(title, rows).encode()
@@ -147,6 +151,16 @@ def _verdicts(figures: Mapping[str, Any]) -> str:
         for good, text in sorted(verdicts(figures))
     )
     return f'<h2>How it looks</h2>\n<ul class="verdicts">\n{items}</ul>\n' if items else ""
+
+
+def _plots(take: Take, scenario: Mapping[str, Any]) -> Iterator[str]:
+    """Yield plots over time."""
+    health = {name: one["damage"]["health"] for name, one in (scenario.get("types") or {}).items() if one.get("damage")}
+    heals = find_heals(scenario.get("groups") or (), scenario.get("events") or (), take.control_rate)
+    found = list(plots(take, health, heals))
+    if found:
+        yield "<h2>Over time</h2>\n"
+        yield from found
 
 
 def _teams(take: Take) -> str:

@@ -14,6 +14,7 @@ import socket
 import threading
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from crowdsim.errors import CrowdsimError
@@ -175,12 +176,13 @@ def build_app(source: Recording | Stage, token: str, host: str, port: int, reaso
         with posing:
             return Response(recording.block(number), media_type="application/octet-stream")
 
-    def why(request: Request) -> Response:
+    def why(what: str, request: Request) -> Response:
         avatar, frame = (request.path_params[name] for name in ("avatar", "frame"))
         if reasons is None or not all(text.isdecimal() and len(text) < 10 for text in (avatar, frame)):
             return PlainTextResponse("nothing is known of that\n", 404)
         try:
-            return JSONResponse(reasons.at(int(avatar), int(frame)))
+            found = (reasons.at if what == "why" else reasons.values)(int(avatar), int(frame))
+            return JSONResponse(found)
         except CrowdsimError as error:
             return PlainTextResponse(f"{error}\n", 404)
 
@@ -197,7 +199,7 @@ def build_app(source: Recording | Stage, token: str, host: str, port: int, reaso
     routes = [
         Route("/{token}/", checked(show)),
         Route("/{token}/scene", checked(scene)),
-        Route("/{token}/why/{avatar}/{frame}", checked(why)),
+        *(Route(f"/{{token}}/{what}/{{avatar}}/{{frame}}", checked(partial(why, what))) for what in ("why", "values")),
         WebSocketRoute("/{token}/live", live) if isinstance(source, Stage) else blocks,
         Route("/{path:path}", checked(other)),
         WebSocketRoute("/{path:path}", _refuse),

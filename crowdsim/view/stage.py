@@ -14,9 +14,9 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.chunk import Frame
-from crowdsim.errors import CrowdsimError
+from crowdsim.errors import CrowdsimError, ScenarioError
 from crowdsim.view.live import LAG, LivePoses, Played, clips_of, live_recording, pack_frame
-from crowdsim.view.why import describe_decision
+from crowdsim.view.why import describe_decision, describe_values
 
 Send = Callable[[str | bytes], None]
 """Sends a message to one who watches; called by any thread."""
@@ -130,10 +130,41 @@ class Drag(_Command):
         stage.played.drag(self.target, self.x, self.y, self.z)
 
 
+class Place(_Command):
+    """Put an avatar somewhere else."""
+
+    do: Literal["place"]
+    avatar: int
+    x: float
+    z: float
+
+    def apply(self, stage: Stage) -> str:
+        """Do it, and return where it is put."""
+        return stage.played.place(self.avatar, self.x, self.z)
+
+
+class Heal(_Command):
+    """Restore the health of an avatar, or of all."""
+
+    do: Literal["heal"]
+    avatar: int | None = None
+
+    def apply(self, stage: Stage) -> None:
+        """Do it."""
+        stage.played.heal(self.avatar)
+
+
 class Why(_Command):
     """Send the decisions of an avatar from now on to the one who asks; without an avatar send none."""
 
     do: Literal["why"]
+    avatar: int | None = None
+
+
+class Values(_Command):
+    """Send the value maps of an avatar from now on to the one who asks; without an avatar send none."""
+
+    do: Literal["values"]
     avatar: int | None = None
 
 
@@ -149,7 +180,8 @@ class Record(_Command):
 
 _COMMANDS: TypeAdapter[Any] = TypeAdapter(
     Annotated[
-        Pause | Step | Speed | Restart | Tune | SetOn | Remove | Add | Drag | Why | Record, Field(discriminator="do")
+        Pause | Step | Speed | Restart | Tune | SetOn | Remove | Add | Drag | Place | Heal | Why | Values | Record,
+        Field(discriminator="do"),
     ]
 )
 
@@ -172,8 +204,8 @@ class Stage:
         self.played, self.record, self._keep = played, record, keep
         self.paused, self.speed = False, 1.0
         self._lock = threading.RLock()
-        # The avatar whose decisions each of those who watch asks about.
-        self._sends: dict[Send, int | None] = {}
+        # The avatars whose decisions and values each of those who watch asks about.
+        self._sends: dict[Send, dict[str, int | None]] = {}
         self._ended, self._woken = threading.Event(), threading.Event()
         self._thread: threading.Thread | None = None
         self._begin()
@@ -213,7 +245,7 @@ class Stage:
     def watch(self, send: Send) -> None:
         """Send messages to someone from now on, first what is to be seen now."""
         with self._lock:
-            self._sends[send] = None
+            self._sends[send] = {}
             if self._last is not None:
                 send(self._last)
             send(json.dumps(self._status()))
@@ -239,18 +271,36 @@ class Stage:
             return json.dumps({"error": f"this is no command: {where}: {first['msg']}"})
         with self._lock:
             try:
-                said = self._ask(send, command.avatar) if isinstance(command, Why) else command.apply(self)
+                said = self._ask(send, command) if isinstance(command, Why | Values) else command.apply(self)
             except CrowdsimError as error:
                 return json.dumps({"error": str(error)})
             if isinstance(command, Pause | Step | Speed | Restart | Tune):
                 self._tell(json.dumps(self._status()))
         return json.dumps({"done": command.do, **({"said": said} if said else {})})
 
-    def _ask(self, send: Send | None, avatar: int | None) -> str:
+    def _ask(self, send: Send | None, command: Why | Values) -> str:
         # Those who have left meanwhile are told nothing.
         if send in self._sends:
-            self._sends[send] = avatar
+            self._sends[send][command.do] = command.avatar
+            if isinstance(command, Values) and command.avatar is not None:
+                count = self.played.crowd.count
+                if not 0 <= command.avatar < count:
+                    raise ScenarioError(f"avatar {command.avatar}: expected a number from 0 to {count - 1}")
+                send(self._values(command.avatar))
         return ""
+
+    def _values(self, avatar: int) -> str:
+        found, frame = self.played.value_map(avatar), self.played.frame - 1
+        return json.dumps({"values": describe_values(found, avatar, frame)})
+
+    def _asked(self, what: str) -> dict[int, list[Send]]:
+        """Return by avatar who asks about it."""
+        asked: dict[int, list[Send]] = {}
+        for send, about in self._sends.items():
+            avatar = about.get(what)
+            if avatar is not None:
+                asked.setdefault(avatar, []).append(send)
+        return asked
 
     def pause(self, paused: bool) -> None:
         """Stop the simulation, or let it go on."""
@@ -270,15 +320,22 @@ class Stage:
         if self.played.is_over:
             self.pause(True)
             return
-        asked = set(self._sends.values()) - {None}
+        asked = self._asked("why")
         for decision in self.played.explain() if asked else ():
             if decision.avatar in asked:
                 crowd = self.played.crowd
                 policy = crowd.policies[crowd.cast.policies[decision.avatar]]
                 message = json.dumps({"why": describe_decision(decision, policy)})
-                for send in [one for one, avatar in self._sends.items() if avatar == decision.avatar]:
+                for send in asked[decision.avatar]:
                     send(message)
+        tuned = json.dumps(self.played.tunings())
         frame = self.played.step()
+        if json.dumps(self.played.tunings()) != tuned:
+            self._tell(json.dumps(self._status()))
+        for avatar, sends in self._asked("values").items():
+            message = self._values(avatar)
+            for send in sends:
+                send(message)
         self._poses.add(frame)
         self._states.append((self.played.health()[0], self.played.down().copy()))
         if self._poses.shown < 0:

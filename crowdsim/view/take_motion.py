@@ -8,10 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from crowdsim.body.palette import avatar_paints, team_colour
+from crowdsim.body.looks import usual_build
+from crowdsim.body.palette import avatar_paints, skin_paints, team_colour
+from crowdsim.body.parts import SKIN_PARTS
+from crowdsim.body.skin import Skin, build_skin_of
 from crowdsim.core.types import Array
 from crowdsim.crowd.events import OUTCOMES
 from crowdsim.errors import TakeError
+from crowdsim.motion import quaternion
 from crowdsim.motion.strikes import LIMBS
 from crowdsim.poses.builds import joint_segments
 from crowdsim.poses.down_state import fallen_rows
@@ -20,10 +24,13 @@ from crowdsim.render.crowd_path import watch
 from crowdsim.render.take_source import TakeSource
 from crowdsim.scenario.camera import Camera
 from crowdsim.scenario.frame_ranges import parse_frames
+from crowdsim.scenario.heals import Heal
 from crowdsim.take.take import Take
 from crowdsim.view.obstacle_frames import obstacle_frames
 from crowdsim.view.recording import OUTSIDE, Recording, describe_figure, plan_cameras
 
+_MOST_SKINNED, _COARSENESS = 100, 1.4
+"""Most avatars of a recording with skins, and how many times as long as usual the edges of these are."""
 _POSES_AT_ONCE = 16_000
 _ROWS_AT_ONCE = 4_000_000
 
@@ -38,6 +45,7 @@ def record_take(
     cameras: Mapping[str, Camera] | None = None,
     health: Mapping[str, float] | None = None,
     obstacles: Array | None = None,
+    heals: Sequence[Heal] = (),
 ) -> Recording:
     """Return a take for the player.
 
@@ -51,13 +59,14 @@ def record_take(
         cameras: Cameras of its scenario by name.
         health: Health of avatars at the start, by the names of their types; those without cannot be hurt [points].
         obstacles: Parts of obstacles, see ``RecordedRun.obstacles``; none when None.
+        heals: When health is restored, in the order of time.
 
     Raises:
         TakeError: The take has no such frames, or none of the avatars is there in them.
     """
     count = take.output_frames(fps)
     first, stop = (0, count) if frames is None else parse_frames(frames).resolve(count, fps)
-    motion = TakeMotion(take, fps, avatars, first, stop, threads, health or {})
+    motion = TakeMotion(take, fps, avatars, first, stop, threads, health or {}, heals)
     source = TakeSource(take, take.policies, fps, threads=threads, arena=arena, cameras=cameras)
     crowd = watch(source)
     if avatars is not None:
@@ -74,6 +83,31 @@ def record_take(
     }
     motion.heights = source.avatar_heights[motion.numbers]
     return Recording(motion, take.scenario, tracks)
+
+
+def _describe_skin(skin: Skin, number: int) -> dict[str, Any]:
+    """Return of a skin where each part's triangles end, its helpers, and their parents where limbs are straight."""
+    return {
+        "number": number,
+        "ends": np.searchsorted(skin.parts, np.arange(len(SKIN_PARTS)), side="right").tolist(),
+        "helpers": skin.helpers.tolist(),
+        "straights": [round(float(value), 6) for value in skin.straights().ravel()],
+    }
+
+
+def _skin_tables(skin: Skin, number: int) -> dict[str, Array]:
+    """Return the mesh of a skin: vertices [m], normals and weights as bytes, joints, and triangles."""
+    weights = np.rint(255.0 * skin.weights)
+    rows = np.arange(len(weights))
+    # They add up to one, or the skin would go towards the origin.
+    weights[rows, weights.argmax(axis=1)] += 255.0 - weights.sum(axis=1)
+    return {
+        f"skin_{number}_vertices": np.round(skin.vertices, 4).astype(np.float32),
+        f"skin_{number}_normals": np.rint(127.0 * skin.normals + 128.0).astype(np.uint8),
+        f"skin_{number}_joints": skin.joints.astype(np.uint8),
+        f"skin_{number}_weights": weights.astype(np.uint8),
+        f"skin_{number}_triangles": skin.triangles.astype(np.int32),
+    }
 
 
 class TakeMotion:
@@ -94,12 +128,13 @@ class TakeMotion:
         stop: int,
         threads: int,
         health: Mapping[str, float],
+        heals: Sequence[Heal] = (),
     ) -> None:
         self.fps, self.first, self.frames = fps, first, stop - first
         self.scene: dict[str, Any] = {}
         self._sampler = PoseSampler(take, take.policies, threads)
         self.take = replace(take, **{name: getattr(self._sampler.take, name) for name in ("action", "opponent")})
-        self._health = health
+        self._health, self._heals = health, heals
         chosen = np.arange(take.avatar_count) if avatars is None else np.asarray(avatars, np.int64)
         present = self._presence(chosen)
         self.numbers = chosen[np.isin(np.arange(len(chosen)), present[:, 0])]
@@ -158,6 +193,7 @@ class TakeMotion:
             "limbs": list(LIMBS),
             "outcomes": list(OUTCOMES),
             "targets": list(take.target_names),
+            "props": self._props(),
         }
         tables = {
             "figure": np.searchsorted(self._policies, cast.policies[numbers]).astype(np.int32),
@@ -172,6 +208,7 @@ class TakeMotion:
             "present": self._present.astype(np.int32),
             **self._strikes(full),
             **self._falls(),
+            **self._skins(paints),
             **self._opponents(),
         }
         actions, clips = self._actions()
@@ -179,6 +216,55 @@ class TakeMotion:
         if take.target_names:
             tables["target"] = np.asarray(take.targets[:], np.float32)
         return {**document, "clips": clips}, tables
+
+    def _props(self) -> list[dict[str, Any]]:
+        """Return the capsules that avatars carry, by the numbers of their types."""
+        return [
+            {
+                "type": int(row["type"]),
+                "joint": int(row["joint"]),
+                "start": [round(float(value), 4) for value in row["start"]],
+                "end": [round(float(value), 4) for value in row["end"]],
+                "radius": round(float(row["radius"]), 4),
+                "colour": [round(float(value), 4) for value in row["colour"]],
+            }
+            for row in self.take.cast.attachments
+        ]
+
+    def _skins(self, paints: Array) -> dict[str, Array]:
+        """Return meshes of skins, one for each build, and how each avatar's grows from it; nothing for large crowds.
+
+        What takes the skin of an avatar of size 1 into the frames of its joints and helpers is in ``bone``, three rows
+        of four for each, from ``bone_at`` of the avatar on; ``bone_skin`` is the avatar's of the ``skins`` of a figure.
+        """
+        if self.avatars > _MOST_SKINNED:
+            return {}
+        cast, tables, bones, first = self.take.cast, dict[str, Array](), [], 0
+        at, which, number = np.zeros(self.avatars, np.int32), np.zeros(self.avatars, np.int32), 0
+        for policy, figure in zip(self._policies.tolist(), self._figures, strict=True):
+            database, skins = self.take.policies[policy].database, dict[Any, tuple[int, Skin]]()
+            figure["skins"] = []
+            segments = self._sampler.motions[policy].segments
+            for column in np.flatnonzero(cast.policies[self.numbers] == policy).tolist():
+                avatar = int(self.numbers[column])
+                girth = float(cast.girths[avatar])
+                build = usual_build(girth)
+                if build not in skins:
+                    skin = build_skin_of(database, build, _COARSENESS)
+                    skins[build] = len(skins), skin
+                    figure["skins"].append(_describe_skin(skin, number))
+                    tables |= _skin_tables(skin, number)
+                    number += 1
+                which[column], skin = skins[build]
+                positions, grown = skin.growth(girth, cast.stretches[avatar][segments].astype(float))
+                grown[:, :, 3] -= positions
+                turned = quaternion.rotate(quaternion.conjugate(skin.rotations)[:, None], np.swapaxes(grown, 1, 2))
+                bones.append(np.swapaxes(turned, 1, 2).reshape(-1))
+                at[column], first = first, first + bones[-1].size
+        looks = np.stack([skin_paints(int(one), paint) for one, paint in zip(self.numbers, paints, strict=True)])
+        shades = np.concatenate([np.sqrt(np.clip(looks[..., :3], 0.0, 1.0)), np.clip(looks[..., 3:], 0.0, 1.0)], -1)
+        tables |= {"bone": np.concatenate(bones).astype(np.float32), "bone_at": at, "bone_skin": which}
+        return {**tables, "skin_paint": np.rint(255.0 * shades).astype(np.uint8)}
 
     def _control(self) -> tuple[int, int]:
         """Return the first control frame that is recorded, and one past the last."""
@@ -285,13 +371,23 @@ class TakeMotion:
         begin, end = self.first / self.fps, (self.first + self.frames) / self.fps
         attackers, victims = (self._indices(part) for part in (events.attacker, events.victim))
         damage = np.asarray(events.damage, np.float32)
+        healed = [
+            (one.seconds, avatar)
+            for one in self._heals
+            for avatar in np.flatnonzero((self.numbers >= one.first) & (self.numbers < one.stop)).tolist()
+        ]
+        since = np.zeros(self.avatars)
+        for seconds, avatar in healed:
+            since[avatar] = seconds if seconds < begin else since[avatar]
         spent = np.zeros(self.avatars, np.float32)
-        earlier = (times < begin) & (victims >= 0)
+        earlier = (times < begin) & (victims >= 0) & (times > since[np.maximum(victims, 0)])
         np.add.at(spent, victims[earlier], damage[earlier])
+        restored = [one for one in healed if begin <= one[0] < end]
         kept = np.flatnonzero((times >= begin) & (times < end) & ((attackers >= 0) | (victims >= 0)))
         kept = kept[np.argsort(times[kept], kind="stable")]
         return {
             "health": np.stack([full, np.maximum(full - spent, 0.0)], axis=1),
+            **self._restored(restored),
             "strike_time": times[kept].astype(np.float32),
             "strike_attacker": attackers[kept],
             "strike_victim": victims[kept],
@@ -301,6 +397,15 @@ class TakeMotion:
             "strike_point": np.asarray(events.point, np.float32).reshape(-1, 3)[kept],
             "strike_speed": np.asarray(events.speed, np.float32)[kept],
             "strike_damage": damage[kept],
+        }
+
+    def _restored(self, healed: Sequence[tuple[float, int]]) -> dict[str, Array]:
+        """Return when health is restored to which avatars, in the order of time; nothing where it never is."""
+        if not healed:
+            return {}
+        return {
+            "heal_time": np.array([seconds for seconds, _ in healed], np.float32),
+            "heal_avatar": np.array([avatar for _, avatar in healed], np.int32),
         }
 
     def _falls(self) -> dict[str, Array]:

@@ -21,7 +21,10 @@ class ServedReasons {
   find(avatar, control) {
     const { tables: t, numbers } = this.scene, row = rowAt(t.action_offset, t.action_frame, avatar, control);
     if (row < 0) return { error: 'It is not there.' };
-    const path = `why/${numbers[avatar]}/${t.action_frame[row]}`;
+    return this.get(`why/${numbers[avatar]}/${t.action_frame[row]}`);
+  }
+
+  get(path) {
     if (!this.found.has(path)) {
       this.found.set(path, null);
       fetch(path, { cache: 'no-store' }).then(async answer => (answer.ok ? answer.json() : { error: await answer.text() }))
@@ -43,6 +46,64 @@ class LiveReasons {
   }
 
   find(avatar, control) { return this.decisions.findLast(one => one.avatar === avatar && one.frame <= control) ?? null; }
+}
+
+// Value maps of an avatar: what its next action is worth by where its opponent stands.
+class ServedValues extends ServedReasons {
+  find(avatar, control) {
+    const { tables: t, numbers } = this.scene, row = rowAt(t.action_offset, t.action_frame, avatar, control);
+    return row < 0 ? null : this.get(`values/${numbers[avatar]}/${t.action_frame[row]}`);
+  }
+}
+
+class ValuePanel {
+  // Shows how values are to be read; `found` is a map, null while it is being looked for.
+  show(found) {
+    const place = element('values-text');
+    if (found === this.shown) return;
+    this.shown = found;
+    if (!found?.values) {
+      const text = found?.error ?? (found ? 'It decides nothing now.' : 'Being looked for ...');
+      return place.replaceChildren(make('p', text));
+    }
+    const least = Math.min(...found.values), most = Math.max(...found.values), bar = make('canvas');
+    Object.assign(bar, { width: 200, height: 12, className: 'ramp' });
+    const ctx = bar.getContext('2d');
+    for (let x = 0; x < 200; x++) {
+      ctx.fillStyle = `rgb(${valueColour(x / 199).map(one => Math.round(255 * Math.sqrt(one)))})`;
+      ctx.fillRect(x, 0, 1, 12);
+    }
+    const ends = make('p', '', make('span', least.toFixed(2)), bar, make('span', most.toFixed(2)));
+    ends.className = 'legend';
+    place.replaceChildren(ends, make('p', 'What its next action is worth, by where its opponent would stand then: lighter is more.'));
+  }
+}
+
+// From dark blue to light yellow, ever lighter; linear light, as the floor's shader has it.
+function valueColour(share) {
+  const stops = [[0.006, 0.01, 0.07], [0.02, 0.09, 0.2], [0.1, 0.3, 0.25], [0.45, 0.6, 0.2], [1, 0.92, 0.5]];
+  const at = clamp(share, 0, 1) * 4, low = Math.min(Math.floor(at), 3), part = at - low;
+  return stops[low].map((one, i) => one * (1 - part) + stops[low + 1][i] * part);
+}
+
+// A value map as squares of the floor around it.
+function rasterValues({ at: [x, z, heading], distances, bearings, values }) {
+  const far = distances[distances.length - 1], side = 2 * far / HEAT, bytes = new Uint8Array(HEAT * HEAT), n = bearings.length;
+  const least = Math.min(...values), over = 255 / Math.max(Math.max(...values) - least, 1e-9), turn = 2 * Math.PI / n;
+  for (let row = 0, i = 0; row < HEAT; row++) for (let column = 0; column < HEAT; column++, i++) {
+    const dx = (column + 0.5) * side - far, dz = (row + 0.5) * side - far, away = Math.hypot(dx, dz);
+    const high = clamp(placeAfter(distances, away), 1, distances.length - 1), part = clamp((away - distances[high - 1]) / (distances[high] - distances[high - 1]), 0, 1);
+    const aside = (Math.atan2(dx, dz) - heading - bearings[0]) / turn, whole = Math.floor(aside), share = aside - whole;
+    const left = ((whole % n) + n) % n, right = (left + 1) % n;
+    const of = d => values[d * n + left] * (1 - share) + values[d * n + right] * share;
+    bytes[i] = Math.round(over * (of(high - 1) * (1 - part) + of(high) * part - least));
+  }
+  return { bytes, box: [x - far, z - far, 2 * far, 2 * far], isValues: true };
+}
+
+// Value maps as they come live; the first one that is asked for is ahead of the picture.
+class LiveValues extends LiveReasons {
+  find(avatar, control) { return super.find(avatar, control) ?? this.decisions.find(one => one.avatar === avatar) ?? null; }
 }
 
 class ReasonPanel {

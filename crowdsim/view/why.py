@@ -10,6 +10,7 @@ from crowdsim.crowd.explaining import Decision
 from crowdsim.crowd.kernels.evaluate import TERMS
 
 if TYPE_CHECKING:
+    from crowdsim.crowd.value_map import ValueMap
     from crowdsim.policy.policy import Policy
 
 _MOST = 6
@@ -21,6 +22,9 @@ class Reasons(Protocol):
 
     def at(self, avatar: int, frame: int) -> dict[str, Any]:
         """Return an avatar's last decision up to a control frame, see ``describe_decision``."""
+
+    def values(self, avatar: int, frame: int) -> dict[str, Any]:
+        """Return an avatar's value map in a control frame, see ``describe_values``."""
 
 
 def describe_decision(decision: Decision, policy: Policy) -> dict[str, Any]:
@@ -53,6 +57,20 @@ def describe_decision(decision: Decision, policy: Policy) -> dict[str, Any]:
             }
             for k in shown
         ],
+    }
+
+
+def describe_values(found: ValueMap | None, avatar: int, frame: int) -> dict[str, Any]:
+    """Return a value map in a control frame as plain data; ``values`` is missing where the avatar decides nothing."""
+    if found is None:
+        return {"avatar": avatar, "frame": frame}
+    return {
+        "avatar": avatar,
+        "frame": frame,
+        "at": [round(found.x, 3), round(found.z, 3), round(found.heading, 4)],
+        "distances": np.round(found.distances, 4).tolist(),
+        "bearings": np.round(found.bearings, 5).tolist(),
+        "values": np.round(found.values, 3).ravel().tolist(),
     }
 
 

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import picture
+from naive_view import unpack_scene
 from scenes import crowdsim, scene
 
 import crowdsim as library
@@ -169,6 +171,95 @@ def test_types_are_tuned_and_avatars_set_on_one_another_and_taken_out(play, brow
     assert -1 in run.action[:, 3]
 
 
+WHERE = (
+    "(([x, y, z]) => crowdsimPlayer.view.project(x, y, z).slice(0, 2))"
+    "([0, 1, 2].map(i => crowdsimPlayer.crowd.heads[3 * {} + i]))"
+)
+
+
+def paused(browser) -> None:
+    click(browser, "play")
+    browser.wait("!crowdsimPlayer.playing")
+    browser.evaluate("crowdsimPlayer.chooseCamera(crowdsimPlayer.camera.choices.findIndex(one => one.name === 'top'))")
+    browser.settle()
+
+
+def test_the_chosen_avatar_is_dragged_elsewhere_and_the_session_repeated(play, browser, workplace) -> None:
+    session = play(load_scenario(scene(duration=400)))
+    paused(browser)
+    browser.evaluate("crowdsimPlayer.select(2)")
+    browser.settle()
+    x, y = browser.evaluate(WHERE.format(2))
+    browser.drag((x, y), (x + 90, y + 60), steps=8)
+    browser.wait("document.getElementById('said').textContent.startsWith('blue_0 is put at ')")
+    for _ in range(6):
+        browser.press("ArrowRight")
+    browser.wait("crowdsimPlayer.recording.states.get(crowdsimPlayer.recording.latest).there[2] === 1")
+    browser.settle()
+    after = browser.evaluate(WHERE.format(2))
+    assert np.hypot(after[0] - x - 90, after[1] - y - 60) < 60
+    # The camera has not turned meanwhile: the drag was the avatar's.
+    assert browser.evaluate("crowdsimPlayer.camera.choices[crowdsimPlayer.camera.choice].name") == "top"
+    # Where there is no room, nothing happens but that it is said.
+    events = len(session._events)
+    browser.evaluate("crowdsimPlayer.recording.send({ do: 'place', avatar: 2, x: 1e9, z: 0 })")
+    browser.wait("document.getElementById('said').className.endsWith('wrong')")
+    assert len(session._events) == events
+    run = recorded_is_repeated(browser, workplace)
+    assert np.count_nonzero(run.action[:, 2] < 0) == 1
+
+
+def test_a_finger_drags_the_chosen_avatar_and_a_second_one_lets_it_be(play, browser) -> None:
+    session = play(load_scenario(scene(duration=400)))
+    paused(browser)
+    browser.evaluate("crowdsimPlayer.select(1)")
+    browser.settle()
+    x, y = browser.evaluate(WHERE.format(1))
+
+    def touch(kind, *points) -> None:
+        browser.call("Input.dispatchTouchEvent", type=kind, touchPoints=[
+            {"x": a, "y": b, "id": i} for i, (a, b) in enumerate(points)
+        ])  # fmt: skip
+
+    for second in (True, False):
+        touch("touchStart", (x, y))
+        for step in range(1, 6):
+            touch("touchMove", (x - 14 * step, y + 10 * step))
+        if second:
+            touch("touchStart", (x - 70, y + 50), (x + 200, y))
+            browser.wait("!crowdsimPlayer.overlay.placing")
+        touch("touchEnd")
+        browser.settle()
+    browser.wait("document.getElementById('said').textContent.startsWith('red_1 is put at ')")
+    assert [one.kind for one in session._events].count("place") == 1
+
+
+def test_health_is_restored_by_a_click(play, browser, workplace) -> None:
+    hurt = {"boxer": {"policy": "tiny", "damage": {"health": 300}}}
+    session = play(load_scenario(scene(duration=400, types=hurt)))
+    browser.wait("crowdsimPlayer.recording.state(crowdsimPlayer.recording.latest).health.some(one => one < 300)")
+    click(browser, "play")
+    browser.wait("!crowdsimPlayer.playing")
+    low = int(np.argmin(session.health()[0]))
+    browser.evaluate(f"crowdsimPlayer.select({low})")
+    browser.wait("!document.getElementById('heal').hidden")
+    latest = browser.evaluate("crowdsimPlayer.recording.latest")
+    click(browser, "heal")
+    for _ in range(2):
+        browser.press("ArrowRight")
+    click(browser, "heal-all")
+    for _ in range(5):
+        browser.press("ArrowRight")
+    # What is asked for is done in its order.
+    browser.wait(f"crowdsimPlayer.recording.latest === {latest + 7}")
+    assert browser.evaluate(f"crowdsimPlayer.recording.states.get({latest + 7}).health[{low}]") > 280
+    heals = [one for one in session._events if one.kind == "heal"]
+    assert [one.group for one in heals] == [["red", "red", "blue", "blue"][low], None]
+    run = recorded_is_repeated(browser, workplace)
+    scene_of = unpack_scene(run.recording().scene())
+    assert set(scene_of["tables"]["heal_avatar"].tolist()) == {0, 1, 2, 3}
+
+
 def test_why_an_avatar_does_what_it_does_is_shown(play, browser) -> None:
     play(load_scenario(scene(duration=400)))
     browser.evaluate("crowdsimPlayer.select(1); document.getElementById('why').open = true")
@@ -176,6 +267,37 @@ def test_why_an_avatar_does_what_it_does_is_shown(play, browser) -> None:
     text = browser.evaluate("document.getElementById('why-text').innerText")
     assert "▶" in text
     assert "learned" in text
+
+
+def test_values_around_the_chosen_avatar_lie_on_the_floor(play, browser) -> None:
+    session = play(load_scenario(scene(duration=400)))
+    paused(browser)
+    browser.evaluate("crowdsimPlayer.select(1)")
+    browser.settle()
+    before = picture(browser)
+    assert browser.evaluate("document.getElementById('values').hidden")
+    browser.press("u")
+    browser.wait("!!crowdsimPlayer.painter.heat")
+    found = browser.evaluate("crowdsimPlayer.values.decisions.at(-1)")
+    told = session.value_map(1)
+    assert found["at"] == pytest.approx([told.x, told.z, told.heading], abs=1e-3)
+    np.testing.assert_allclose(found["values"], told.values.ravel(), atol=2e-3)
+    browser.settle()
+    changed = np.abs(picture(browser) - before).max(axis=-1) > 30
+    assert changed.mean() > 0.1
+    # Lighter is more: in front of it, where it strikes, and behind it.
+    ring = told.values[np.argmin(np.abs(told.distances - 0.9))]
+    after, lights = picture(browser), []
+    for k in (np.argmax(ring), np.argmin(ring)):
+        turn = told.heading + told.bearings[k]
+        x, z = told.x + 0.9 * np.sin(turn), told.z + 0.9 * np.cos(turn)
+        u, v = browser.evaluate(f"crowdsimPlayer.view.project({x}, 0, {z}).slice(0, 2)")
+        lights.append(after[round(v) - 1 : round(v) + 2, round(u) - 1 : round(u) + 2].mean())
+    assert lights[0] > lights[1] + 10
+    low, high = browser.evaluate("[...document.querySelectorAll('.legend span')].map(one => Number(one.textContent))")
+    assert (low, high) == pytest.approx((told.values.min(), told.values.max()), abs=0.006)
+    browser.press("u")
+    browser.wait("!crowdsimPlayer.painter.heat && document.getElementById('values').hidden")
 
 
 def test_it_begins_again(play, browser) -> None:

@@ -14,6 +14,11 @@ from conftest import picture, screen
 from scenes import crowdsim, scene, write_scene
 
 import crowdsim as library
+from crowdsim.body.looks import usual_build
+from crowdsim.body.skin import build_skin_of, pose_skins
+from crowdsim.bvh.io import write_bvh
+from crowdsim.performer.session import perform
+from crowdsim.poses.attachments import place_attachments
 from crowdsim.scenario.camera_files import camera_in_file
 from crowdsim.view.server import open_server
 
@@ -94,7 +99,7 @@ def test_boxers_have_the_colours_and_the_places_that_rendered_pictures_have(play
         size,
         "--no-caption",
         "--figure",
-        "capsules",
+        "body",
     ]
     assert crowdsim("render", run, "--out", out, *words, "-q") == 0
     drawn = np.asarray(Image.open(out / "frames" / "000060.png").convert("RGB")).astype(int)
@@ -102,6 +107,128 @@ def test_boxers_have_the_colours_and_the_places_that_rendered_pictures_have(play
         here, there = (near(one, np.array(colour), 60) for one in (shown, drawn))
         assert there > 300
         assert 0.5 * there < here < 2.0 * there
+
+
+SKINNED = """(() => {
+  const { crowd, scene } = crowdsimPlayer, t = scene.tables;
+  return crowd.skinned.map((avatar, row) => {
+    const v = t.skin_0_vertices, bones = crowd.bones[row], points = [];
+    for (let i = 0; i < v.length / 3; i += 40) {
+      const p = [0, 0, 0];
+      for (let k = 0; k < 4; k++) for (let axis = 0; axis < 3; axis++) {
+        const at = 12 * t.skin_0_joints[4 * i + k] + 4 * axis, b = bones.subarray(at, at + 4);
+        const moved = b[0] * v[3 * i] + b[1] * v[3 * i + 1] + b[2] * v[3 * i + 2] + b[3];
+        p[axis] += t.skin_0_weights[4 * i + k] / 255 * moved;
+      }
+      points.push(p);
+    }
+    return [avatar, points];
+  });
+})()"""
+"""Places of every 40th vertex of the avatars that have skins, as the graphics program finds them."""
+
+
+def test_avatars_near_have_the_skins_that_exports_have(browser, workplace, finish) -> None:
+    boxer = {"policy": "tiny", "scale": 1.05, "girth": 1.2, "legs": 1.06}
+    write_scene(workplace / "four.yaml", types={"boxer": boxer})
+    finish(workplace)
+    run = library.open_run(workplace / "run")
+    (workplace / "page.html").write_text(run.view(), encoding="utf-8")
+    browser.shown(workplace / "page.html")
+    browser.evaluate("crowdsimPlayer.play(false); crowdsimPlayer.seek(1)")
+    browser.settle()
+    found = browser.evaluate(SKINNED)
+    assert len(found) > 1
+    (poses,) = run.sampler.sample(60, 61, 60.0)
+    positions, rotations = poses.joints()
+    database, cast = run.policies[0].database, run.cast
+    for avatar, points in found:
+        girth = float(cast.girths[avatar])
+        skin = build_skin_of(database, usual_build(girth), 1.4)
+        lengths = cast.stretches[avatar][run.sampler.motions[0].segments]
+        own = skin.shaped(girth, lengths)
+        at = own.matrices(positions[0, [avatar]], rotations[0, [avatar]], cast.scales[[avatar]])
+        vertices = pose_skins([own], at)[0][0]
+        gaps = np.linalg.norm(np.array(points) - vertices[::40], axis=1)
+        assert np.median(gaps) < 1e-3
+        # Where bones meet, bodies grow there in the binding pose.
+        assert gaps.max() < 8e-3
+    # Capsules behind skins cast shadows and are pointed at, but are not drawn.
+    assert browser.evaluate("crowdsimPlayer.crowd.visible < crowdsimPlayer.crowd.drawn")
+    assert browser.console == []
+
+
+def test_bodies_skeletons_and_the_labelled_cloud_are_shown(player) -> None:
+    player.evaluate("crowdsimPlayer.seek(0.5); crowdsimPlayer.set('labels', false)")
+    pictures = [picture(player)]
+    for look in ("skeletons", "cloud"):
+        player.press("k")
+        player.settle()
+        assert player.evaluate("crowdsimPlayer.crowd.look") == look
+        pictures.append(picture(player))
+        x, y = player.evaluate("crowdsimPlayer.view.project(...crowdsimPlayer.crowd.roots.subarray(3, 6)).slice(0, 2)")
+        player.click(x, y)
+        player.settle()
+        assert player.evaluate("crowdsimPlayer.selected") >= 0
+        player.evaluate("crowdsimPlayer.select(-1)")
+        player.settle()
+    for one, other in ((0, 1), (1, 2), (0, 2)):
+        assert (np.abs(pictures[one] - pictures[other]).max(axis=-1) > 40).mean() > 0.01
+    # Points lie on avatars, each with the label of its own.
+    assert player.evaluate("crowdsimPlayer.crowd.points") > 4000
+    far = player.evaluate(
+        "(() => { const c = crowdsimPlayer.crowd, found = new Set(); let far = 0;"
+        "for (let i = 0; i < c.points; i++) { found.add([...c.cloud.subarray(6 * i + 3, 6 * i + 6)].join());"
+        "far = Math.max(far, Math.min(...[0, 1, 2, 3].map(a => Math.hypot(c.cloud[6 * i] - c.roots[3 * a],"
+        "c.cloud[6 * i + 2] - c.roots[3 * a + 2])))); } return [found.size, far]; })()"
+    )
+    assert far[0] == 4
+    assert far[1] < 1.2
+    player.press("k")
+    player.settle()
+    assert np.abs(picture(player) - pictures[0]).mean() < 1.0
+
+
+def test_bvh_files_are_shown_as_skeletons_and_as_a_cloud(browser, workplace) -> None:
+    write_bvh(workplace / "clip.bvh", perform(6.0, 2)[0].clip.sliced(0, 200))
+    assert crowdsim("view", workplace / "clip.bvh", "--html", workplace / "page.html", "-q") == 0
+    browser.shown(workplace / "page.html")
+    browser.evaluate("crowdsimPlayer.play(false); crowdsimPlayer.seek(0.5)")
+    browser.settle()
+    pictures = [picture(browser)]
+    for look in ("skeletons", "cloud"):
+        browser.press("k")
+        browser.settle()
+        assert browser.evaluate("crowdsimPlayer.crowd.look") == look
+        pictures.append(picture(browser))
+    for one, other in ((0, 1), (1, 2), (0, 2)):
+        assert (np.abs(pictures[one] - pictures[other]).max(axis=-1) > 40).mean() > 0.002
+    assert browser.console == []
+
+
+def test_what_avatars_carry_is_shown(browser, workplace, finish) -> None:
+    ends = {"start": [-0.07, 0.0, -0.1], "end": [-0.07, 0.0, 0.6], "radius": 0.03}
+    stick = {"kind": "capsules", "joint": "right_hand", "colour": "#00c800", "capsules": [ends]}
+    write_scene(workplace / "four.yaml", types={"boxer": {"policy": "tiny", "attachments": [stick]}})
+    finish(workplace)
+    run = library.open_run(workplace / "run")
+    (workplace / "page.html").write_text(run.view(fps=30), encoding="utf-8")
+    browser.shown(workplace / "page.html")
+    browser.evaluate("crowdsimPlayer.play(false); crowdsimPlayer.seek(1)")
+    browser.settle()
+    (poses,) = run.sampler.sample(30, 31, 30.0)
+    held = place_attachments(run.cast, np.arange(4), *(part[0] for part in poses.joints()))
+    drawn = browser.evaluate(
+        "(() => { const { crowd } = crowdsimPlayer, found = []; for (let i = 0; i < crowd.visible; i++) {"
+        "const s = [...crowd.shapes.subarray(12 * i, 12 * i + 12)];"
+        "if (s[9] > 0.5 && s[8] < 0.01 && s[10] < 0.01) found.push([crowd.owners[i], ...s.slice(0, 8)]); }"
+        "return found.sort((a, b) => a[0] - b[0]); })()"
+    )
+    assert [one[0] for one in drawn] == held.avatars.tolist() == [0, 1, 2, 3]
+    np.testing.assert_allclose([one[1:4] for one in drawn], held.starts, atol=2e-3)
+    np.testing.assert_allclose([one[5:8] for one in drawn], held.ends, atol=2e-3)
+    assert near(picture(browser), np.array((0, 200, 0)), 40) > 100
+    assert browser.console == []
 
 
 def test_scrubbing_changes_the_picture_and_going_back_brings_it_back(player) -> None:

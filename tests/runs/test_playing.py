@@ -79,6 +79,75 @@ def test_everything_that_can_be_done_is_repeated(session, workplace) -> None:
     same_take(library.open_run(workplace / "kept"), library.open_run(workplace / "again"))
 
 
+@pytest.mark.parametrize("alone", [False, True])
+def test_avatars_that_are_put_elsewhere_are_there_and_the_session_is_repeated(session, workplace, alone) -> None:
+    data = scene(types={"boxer": {"policy": "tiny", "damage": {"health": 400, "knock_down": 400, "stagger": 400}}})
+    played = session(boxer_and_target("tiny") if alone else load_scenario(data))
+    steps(played, 25)
+    who, before = 0, played.health()[0].copy()
+    if not alone:
+        who = int(np.argmin(before))
+        assert before[who] < 400
+    heading = played.simulation.avatars.heading[played.simulation.avatars.slot_of[who]]
+    said = played.place(who, 6.0, -3.0)
+    frames = steps(played, 3)
+    assert said.endswith("is put at 6.00, -3.00.")
+    # Events of the next frame have happened: it is absent for the one after it.
+    away = [frame.action[who] for frame in frames]
+    assert [one < 0 for one in away] == [False, True, False]
+    assert np.hypot(frames[2].x[who] - 6.0, frames[2].z[who] + 3.0) < 0.1
+    assert abs(np.angle(np.exp(1j * (frames[2].heading[who] - heading)))) < 0.6
+    if not alone:
+        assert played.health()[0][who] <= before[who]
+    steps(played, 10)
+    played.record(workplace / "kept")
+    assert crowdsim("verify", workplace / "kept", "-q") == 0
+    assert crowdsim("run", workplace / "kept" / "scenario.resolved.yaml", "--out", workplace / "again", "-q") == 0
+    same_take(library.open_run(workplace / "kept"), library.open_run(workplace / "again"))
+
+
+def test_avatars_are_put_beside_others_and_not_into_obstacles_or_out_of_the_arena(session) -> None:
+    wall = {"kind": "box", "centre": [8, 0], "size": [6, 6], "height": 2}
+    data = scene(arena={"kind": "circle", "radius": 20}, obstacles=[wall])
+    played = session(load_scenario(data))
+    frame = steps(played, 5)[-1]
+    said = played.place(0, float(frame.x[3]), float(frame.z[3]))
+    x, z = map(float, re.findall(r"-?\d+\.\d+", said))
+    assert 0.4 < np.hypot(x - frame.x[3], z - frame.z[3]) <= 1.01
+    for point in ((8.0, 0.0), (30.0, 0.0)):
+        with pytest.raises(ScenarioError, match=r"red_1 has no room within 1 m of"):
+            played.place(1, *point)
+    # Beside an obstacle it keeps off it.
+    x, z = map(float, re.findall(r"-?\d+\.\d+", played.place(1, 5.2, 0.0)))
+    assert x < 4.8
+    with pytest.raises(ScenarioError, match=r"expected x and z up to"):
+        played.place(1, float("nan"), 0.0)
+    played.remove(2)
+    steps(played, 3)
+    with pytest.raises(ScenarioError, match=r"blue_0 is not there"):
+        played.place(2, 0.0, 4.0)
+
+
+def test_health_is_restored_and_the_session_is_repeated(session, workplace) -> None:
+    data = scene(types={"boxer": {"policy": "tiny", "damage": {"health": 400}}}, duration=600)
+    played = session(load_scenario(data))
+    while np.count_nonzero(played.health()[0] < 400) < 2:
+        played.step()
+    low = int(np.argmin(played.health()[0]))
+    played.heal(low)
+    played.step()
+    others = np.arange(4) != low
+    rows = played.simulation.avatars.conditions
+    assert (played.health()[0][others] < 400).any()
+    played.heal()
+    played.step()
+    assert (rows["health"] == 400).sum() >= 3
+    steps(played, 10)
+    played.record(workplace / "kept")
+    assert crowdsim("run", workplace / "kept" / "scenario.resolved.yaml", "--out", workplace / "again", "-q") == 0
+    same_take(library.open_run(workplace / "kept"), library.open_run(workplace / "again"))
+
+
 def test_tuning_reaches_the_simulation(session) -> None:
     played = session(load_scenario(scene()))
     key = next(iter(played.tunings()["boxer"]["behaviours"]))
@@ -91,6 +160,25 @@ def test_tuning_reaches_the_simulation(session) -> None:
     assert (world.cohorts["temperature"] == 0.4).all()
     assert (world.cohorts["interval"] == 60 * played.crowd.rate / 90).all()
     assert played.tunings()["boxer"]["tempo"] == 90
+
+
+def test_sliders_follow_events_of_the_scenario(session) -> None:
+    key = next(iter(session(load_scenario(scene())).tunings()["boxer"]["behaviours"]))
+    event = {
+        "kind": "weights", "when": {"kind": "frame", "frame": 5}, "behaviours": {key: 0.25}, "tempo": 150,
+        "temperature": 0.2,
+    }  # fmt: skip
+    played = session(load_scenario(scene(events=[event])))
+    steps(played, 4)
+    before = played.tunings()["boxer"]
+    assert before["behaviours"][key] != 0.25
+    # What is asked for shows at once, and stays where the scenario says nothing else.
+    other = list(before["behaviours"])[-1]
+    played.tune("boxer", other, 0.75)
+    steps(played, 4)
+    after = played.tunings()["boxer"]
+    assert (after["behaviours"][key], after["tempo"], after["temperature"]) == (0.25, 150, 0.2)
+    assert other == key or after["behaviours"][other] == 0.75
 
 
 def test_a_session_that_nobody_changes_is_the_run(session, workplace) -> None:
@@ -185,6 +273,9 @@ def test_a_session_is_kept_as_a_scenario_that_runs(session, workplace) -> None:
         (lambda one: one.set_on(0, 9), "avatar 9: expected a number from 0 to 3"),
         (lambda one: one.remove(-1), "avatar -1: expected a number from 0 to 3"),
         (lambda one: one.add(2), "avatar 2 has not been taken out"),
+        (lambda one: one.place(9, 0, 0), "avatar 9: expected a number from 0 to 3"),
+        (lambda one: one.heal(1), "nothing hurts red_1, expected an avatar whose type has 'damage'"),
+        (lambda one: one.heal(), "nothing hurts or tires these avatars"),
         (lambda one: one.drag(0, 0, 1, 0), "target 0: expected one of 0"),
         (lambda one: one.record("nowhere"), "nothing has been simulated yet"),
     ],

@@ -130,6 +130,21 @@ def test_few_attack_one_opponent_where_few_may(workplace: Path) -> None:
             ["events[0].when.count: is 13, but there can be 12 knock-downs, expected at most that"],
         ),
         (
+            {
+                "types": {"boxer": {"policy": "tiny"}},
+                "until": None,
+                "events": [{"kind": "heal", "when": {"kind": "seconds", "seconds": 2}}],
+            },
+            ["events[0].kind: nothing hurts or tires these avatars, expected 'damage' of their type, or 'stamina'"],
+        ),
+        (
+            {
+                "arena": {"kind": "circle", "radius": 5},
+                "events": [{"kind": "place", "when": {"kind": "ended"}, "group": "red", "point": [4, 4]}],
+            },
+            ["events[0].point: is 4, 4, expected a point in the arena"],
+        ),
+        (
             {"events": [{"kind": "flee", "when": {"kind": "health_below", "group": "red", "points": 31}}]},
             ["events[0].when.points: is 31, but avatars of 'red' start with less, expected at most 30"],
         ),

@@ -105,6 +105,32 @@ def test_live_poses_are_nearly_those_of_the_take(session, workplace) -> None:
     assert np.quantile(jerks, 0.99) < 1.5 * np.quantile(smooth, 0.99)
 
 
+def test_landings_are_planned_once_and_forgotten_when_they_are_past(session, monkeypatch) -> None:
+    from crowdsim.view import live
+
+    played, asked, real = session(load_scenario(scene(duration=140))), [], live.plan_landings
+
+    def plan(take, near, *others):
+        asked.append((near.attackers.copy(), near.times * take.control_rate + poses._frames[0].number))
+        return real(take, near, *others)
+
+    monkeypatch.setattr(live, "plan_landings", plan)
+    poses, landed = LivePoses(played.crowd), set()
+    for _ in range(120):
+        frame = played.step()
+        poses.add(frame)
+        for attacker, time, hit in zip(frame.events.attacker, frame.events.frame, frame.events.landed, strict=True):
+            if hit:
+                landed.add((int(attacker), round(float(time), 2)))
+        if poses.shown >= 0:
+            poses.poses()
+        assert all(key[-1] >= 1000 * poses._frames[0].number for key in poses._fists.planned)
+    found = [(int(one), round(float(time), 2)) for who, times in asked for one, time in zip(who, times, strict=True)]
+    assert len(found) == len(set(found)) > 0
+    # All that have landed are among them, but for the last ones; others whose fists would be in a body are, too.
+    assert {one for one in landed if one[1] < 110} <= set(found)
+
+
 def test_offsets_of_poses_die_away_without_a_jump() -> None:
     settled = Settled(1, 1, np.arange(3) / 30)
     still = np.tile([1.0, 0.0, 0.0, 0.0], (3, 1, 1, 1))
@@ -217,6 +243,9 @@ def test_what_is_asked_for_is_done_or_refused_with_a_reason(stage) -> None:
         ('{"do": "tune", "type": "boxer", "key": "tempo", "value": 90}', {"done": "tune"}),
         ('{"do": "set_on", "avatar": 0, "opponent": 3}', {"done": "set_on"}),
         ('{"do": "set_on", "avatar": 0}', {"done": "set_on"}),
+        ('{"do": "place", "avatar": 2, "x": 3, "z": -4.5}', {"done": "place", "said": "blue_0 is put at 3.00, -4.50."}),
+        ('{"do": "heal", "avatar": 2}', {"done": "heal"}),
+        ('{"do": "heal"}', {"done": "heal"}),
         ('{"do": "remove", "avatar": 1}', {"done": "remove"}),
         ('{"do": "add", "avatar": 1}', {"done": "add"}),
         ('{"do": "speed", "speed": 2}', {"done": "speed"}),
@@ -232,10 +261,25 @@ def test_what_is_asked_for_is_done_or_refused_with_a_reason(stage) -> None:
         ('{"do": "record", "folder": "/etc"}', "this is no command: record.folder"),
         ('{"do": "speed", "speed": 1e9}', "this is no command: speed.speed"),
         ('{"do": "remove", "avatar": 77}', "avatar 77: expected a number from 0 to 3"),
+        ('{"do": "place", "avatar": 0, "x": 1e5, "z": 0}', "red_0 at 100000, 0: expected x and z up to"),
+        ('{"do": "heal", "avatar": 4}', "avatar 4: expected a number from 0 to 3"),
         ('{"do": "drag", "target": 0, "x": 0, "y": 1, "z": 0}', "target 0: expected one of 0"),
         ('{"do": "tune", "type": "boxer", "key": "tempo", "value": -5}', "tempo: Input should be greater"),
     ):
         assert reason in json.loads(stage.act(text))["error"]
+
+
+def test_changes_by_the_scenario_are_told_to_those_who_watch(session) -> None:
+    event = {"kind": "weights", "when": {"kind": "frame", "frame": 9}, "temperature": 0.4}
+    stage, told = Stage(session(load_scenario(scene(events=[event]))), lambda: ""), []
+    stage.pause(True)
+    stage.watch(told.append)
+    for _ in range(10):
+        stage.act('{"do": "step"}')
+    found = [json.loads(one) for one in told if isinstance(one, str)]
+    shown = [one["tunings"]["boxer"]["temperature"] for one in found if "tunings" in one]
+    assert shown[0] != 0.4
+    assert shown[-1] == 0.4
 
 
 def test_decisions_of_one_avatar_are_told(stage) -> None:

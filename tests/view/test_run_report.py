@@ -13,6 +13,7 @@ from scenes import crowdsim, write_scene
 import crowdsim as library
 from crowdsim.take.quality import measure_take
 from crowdsim.view.report import report_parts, verdicts
+from crowdsim.view.report_plots import mean_health, opponent_distances
 
 HOSTILE = "</pre></script><script>document.title='owned'</script>\"'"
 
@@ -48,6 +49,46 @@ def test_a_report_has_summary_verdicts_player_scenario_and_how_to_repeat_it(run,
     shown = html.unescape(re.findall(r"<pre>(.*?)</pre>", page, re.DOTALL)[-1])
     assert yaml.safe_load(shown) == yaml.safe_load((run / "scenario.resolved.yaml").read_text(encoding="utf-8"))
     assert crowdsim("verify", run) == 0
+
+
+def test_plots_show_strikes_health_and_distances(workplace, finish) -> None:
+    types = {"boxer": {"policy": "tiny", "damage": {"health": 30}}}
+    heal = {"kind": "heal", "when": {"kind": "frame", "frame": 90}, "group": "red"}
+    write_scene(workplace / "four.yaml", duration=150, types=types, events=[heal])
+    finish(workplace)
+    run = library.open_run(workplace / "run")
+    assert crowdsim("report", workplace / "run", "--no-player", "-q") == 0
+    page = (workplace / "run" / "report.html").read_text(encoding="utf-8")
+    said = [html.unescape(one) for one in re.findall(r'role="img" aria-label="([^"]*)"', page)]
+    outcomes = run.strikes()["outcome"]
+    landed, blocked = (int((outcomes == name).sum()) for name in ("landed", "blocked"))
+    assert said[0] == f"{landed} strikes landed, {blocked} were blocked, {len(outcomes) - landed - blocked} missed"
+    assert len(re.findall(r'<rect class="landed"', page)) > 1
+    # Health by a count of its own.
+    left = dict.fromkeys(range(4), 30.0)
+    health = {name: [] for name in ("red", "blue")}
+    order = np.argsort(run.events.frame, kind="stable")
+    for frame in (60, 89.5, 149.9):
+        left = dict.fromkeys(range(4), 30.0)
+        for k in order:
+            at, victim = float(run.events.frame[k]), int(run.events.victim[k])
+            if victim < 0 or at > frame or (frame > 89 and at <= 89 and victim < 2):
+                continue
+            left[victim] = max(left[victim] - float(run.events.damage[k]), 0.0)
+        health["red"].append((left[0] + left[1]) / 60)
+        health["blue"].append((left[2] + left[3]) / 60)
+    found = mean_health(run, np.full(4, 30.0), run.heals, np.array([60, 89.5, 149.9]) / 15.0)
+    for name, values in health.items():
+        np.testing.assert_allclose(found[name], values, atol=1e-6)
+    assert min(health["red"][0], health["blue"][0]) < 1
+    assert said[1].startswith(f"red has {100 * health['red'][-1]:.0f} % left at the end; blue has ")
+    gaps, times = opponent_distances(run)
+    frame = round(times[-1] * 15)
+    other = int(run.opponent[frame, 0])
+    apart = np.hypot(run.x[frame, 0] - run.x[frame, other], run.z[frame, 0] - run.z[frame, other])
+    assert gaps[-1, 0] == pytest.approx(float(apart)) or other < 0
+    assert said[2].startswith("The median distance is ")
+    assert crowdsim("verify", workplace / "run") == 0
 
 
 def test_teams_and_avatars_have_their_strikes(run) -> None:

@@ -10,6 +10,7 @@ from scenes import write_scene
 import crowdsim
 from crowdsim.errors import CrowdsimError, TakeError
 from crowdsim.scenario.cameras import KINDS
+from crowdsim.scenario.heals import find_heals
 from crowdsim.view.page import check_size
 from crowdsim.view.recording import OUTSIDE
 
@@ -94,6 +95,28 @@ def test_health_goes_on_from_what_strikes_before_the_first_frame_have_taken(run)
     left = unpack_scene(part.scene())["tables"]["health"].reshape(-1, 2)[victim]
     assert left[0] == 40
     assert left[1] < 40
+
+
+def test_health_that_is_restored_is_so_in_the_recording(run) -> None:
+    damage = np.asarray(run.events.damage)
+    hit = int(np.argmax(damage > 0))
+    victim, frame = int(run.events.victim[hit]), int(run.events.frame[hit]) + 2
+    event = {"kind": "heal", "when": {"kind": "frame", "frame": frame}}
+    groups = [{"name": "all", "count": run.avatar_count}]
+    heals = find_heals(groups, [event], run.control_rate)
+    healed = replace(run, heals=heals)
+    tables = unpack_scene(healed.recording().scene())["tables"]
+    assert tables["heal_avatar"].tolist() == list(range(run.avatar_count))
+    np.testing.assert_allclose(tables["heal_time"], (frame - 1) / run.control_rate, atol=1e-3)
+    later = (frame + 0.5) / run.control_rate
+    since = (damage > 0) & (run.events.victim == victim) & (run.events.frame > frame - 1)
+    lost = damage[since & (run.events.frame < frame)].sum()
+    part = unpack_scene(healed.recording(frames=f"{int(later * 60) + 1}:").scene())["tables"]
+    assert part["health"].reshape(-1, 2)[victim, 1] == pytest.approx(40 - lost, abs=8)
+    assert part["health"].reshape(-1, 2)[victim, 1] > 40 - damage[hit]
+    assert "heal_time" not in part
+    only = find_heals(groups, [{**event, "group": "all", "member": 1}], run.control_rate)
+    assert [(one.first, one.stop) for one in only] == [(1, 2)]
 
 
 def test_actions_and_opponents_are_those_of_every_control_frame(run) -> None:

@@ -10,8 +10,11 @@ from naive_view import embedded
 from scenes import crowdsim, write_scene
 
 import crowdsim as library
+from crowdsim.crowd.draw import draw_crowd
+from crowdsim.crowd.simulation import Simulation
 from crowdsim.errors import TakeError
 from crowdsim.runs.reasons import Repeated
+from crowdsim.scenario.scenario import load_scenario
 from crowdsim.view.server import open_server
 
 
@@ -54,6 +57,20 @@ def test_decisions_are_those_of_the_run(run) -> None:
             assert values[0] == max(values)
             assert found["options"][0]["drawn"]
     assert asked > 8
+
+
+def test_values_are_those_of_the_simulation_at_that_frame(run) -> None:
+    opened = library.open_run(run)
+    repeated = Repeated(opened)
+    simulation = Simulation(draw_crowd(load_scenario(run / "scenario.resolved.yaml"), opened.policies))
+    simulation.run(22)
+    for avatar in (0, 3):
+        found, told = repeated.values(avatar, 21), simulation.value_map(avatar)
+        assert (found["avatar"], found["frame"]) == (avatar, 21)
+        np.testing.assert_allclose(found["values"], told.values.ravel(), atol=1e-3)
+        assert found["at"] == pytest.approx([told.x, told.z, told.heading], abs=1e-3)
+    with pytest.raises(TakeError, match="avatar 9 at control frame 1: is not in the run"):
+        repeated.values(9, 1)
 
 
 def test_what_is_not_in_the_run_is_reported(run) -> None:
@@ -126,6 +143,8 @@ def test_a_server_tells_why(run) -> None:
         assert json.loads(body) == Repeated(opened).at(1, 39)
         assert ask("why/9/39")[0] == 404
         assert b"is not in the run" in ask("why/9/39")[1]
+        assert json.loads(ask("values/2/30")[1]) == Repeated(opened).values(2, 30)
+        assert ask("values/9/30")[0] == 404
         assert ask("why/x/-1")[0] == 404
         assert ask("why/1/39", "x" * 22)[0] == 403
     finally:
