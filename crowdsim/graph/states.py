@@ -117,8 +117,7 @@ class MotionGraph:
             images += np.where(first[:count] < captured, captured, -captured)
             order = np.argsort(pairs, kind="stable")
             if np.array_equal(np.sort(images), pairs[order][count:]):
-                result: Array = order[np.searchsorted(pairs[order], images)]
-                return result
+                return order[np.searchsorted(pairs[order], images)]
         return np.zeros(0, np.int64)
 
 
@@ -193,8 +192,7 @@ def largest_component(transitions: Transitions, clip_starts: Array) -> Array:
     if frames == 0 or sizes.max() < 2:
         return np.zeros(frames, bool)
     earliest = int(np.flatnonzero(sizes[labels] == sizes.max())[0])
-    kept: Array = labels == labels[earliest]
-    return kept
+    return labels == labels[earliest]
 
 
 def _continues(kept: Array, clip_starts: Array) -> Array:

@@ -222,5 +222,4 @@ def joint_speeds(database: MotionDatabase, around: float = 0.2) -> Array:
     frames = np.arange(database.frame_count)
     clip = np.searchsorted(starts, frames, side="right") - 1
     low, high = np.maximum(frames - reach, starts[clip]), np.minimum(frames + reach + 1, starts[clip + 1])
-    result: Array = np.sqrt((squares[high] - squares[low]) / (high - low))
-    return result
+    return np.sqrt((squares[high] - squares[low]) / (high - low))

@@ -29,12 +29,10 @@ from crowdsim.config.documents import document_fault, parse_json
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import OutputError, PolicyError, VersionError
 from crowdsim.files import open_plain, replace_folder, restore_folder, stat_plain
-from crowdsim.policy.behind_checks import BEHIND
-from crowdsim.policy.checks import DEFENCE, STATE_VALUES, TABLE
-from crowdsim.policy.document import PolicyDocument
+from crowdsim.policy.checks import BEHIND, DEFENCE, STATE_VALUES, TABLE
+from crowdsim.policy.document import PolicyDocument, Timings
 from crowdsim.policy.flattening import assemble_policy, check_flattened, flatten_policy
 from crowdsim.policy.policy import Policy
-from crowdsim.policy.reported import Timings
 
 KIND = "crowdsim policy"
 VERSION = 1

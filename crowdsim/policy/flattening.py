@@ -19,8 +19,7 @@ from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.motion.strikers import GROUPS, LIMBS
 from crowdsim.policy.actions import Actions
-from crowdsim.policy.behind_checks import BEHIND, count_behind
-from crowdsim.policy.checks import DEFENCE, STATE_VALUES, check_arrays
+from crowdsim.policy.checks import BEHIND, DEFENCE, STATE_VALUES, check_arrays, count_behind
 from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.falls import flatten_falls, read_falls, spans_of
 from crowdsim.policy.policy import Behaviour, Policy

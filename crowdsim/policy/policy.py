@@ -77,8 +77,7 @@ class Behaviour:
 
     def values(self, entries: Any = slice(None)) -> Array:
         """Return entries of the table as numbers, float64."""
-        numbers: Array = self.low + self.step * self.table[entries].astype(np.float64)
-        return numbers
+        return self.low + self.step * self.table[entries].astype(np.float64)
 
 
 class LookupTables(NamedTuple):

@@ -70,9 +70,8 @@ def shared_bundle(name: FileName, mocap: FileName | None = None) -> Path | None:
         RecipeError: The recipe is invalid.
         PolicyError: Capture is not in the folder given for it, or the bundle is foreign or damaged.
     """
-    from crowdsim.training.contexts import naming
     from crowdsim.training.recipe import load_recipe
-    from crowdsim.training.train import stale
+    from crowdsim.training.train import naming, stale
 
     if (Path(name) / "policy.json").is_file():
         return None

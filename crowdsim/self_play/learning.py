@@ -14,7 +14,7 @@ from crowdsim.crowd.model import build_model
 from crowdsim.policy.policy import Policy
 from crowdsim.self_play.fights import Side, Tally, start_fights, watch_fights
 from crowdsim.training.pursuit import TEMPERATURE
-from crowdsim.training.recipe_parts import DefenceSpec
+from crowdsim.training.recipe import DefenceSpec
 
 UNNOTICED = 1e-9
 """Weight with which a table that is still empty is observed."""
@@ -103,8 +103,7 @@ def expected_hits(hits: Array, count: Array) -> Array:
     usual = hits.sum(axis=0) / np.maximum(count.sum(axis=0), 1.0)
     prior = COMMON * float(hits.sum() / max(count.sum(), 1.0))
     share = (hits.sum(axis=1) + prior) / np.maximum(count @ usual + prior, 1e-12)
-    table: Array = ((hits + CELLWISE * share[:, None] * usual) / (count + CELLWISE)).astype(np.float32)
-    return table
+    return ((hits + CELLWISE * share[:, None] * usual) / (count + CELLWISE)).astype(np.float32)
 
 
 def _reporter(progress: Progress | None, turn: int, rounds: int) -> Callable[[int, int], None]:

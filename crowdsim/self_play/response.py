@@ -18,7 +18,7 @@ from crowdsim.policy.defence import join_defences
 from crowdsim.policy.policy import Policy
 from crowdsim.self_play.fights import Side, start_fights
 from crowdsim.self_play.learning import learn_table
-from crowdsim.training.recipe_parts import DefenceSpec
+from crowdsim.training.recipe import DefenceSpec
 
 WEIGHTS = (0.15, 0.5, 1.0)
 """Weights of what is learned, of which the best one counts."""

@@ -115,8 +115,7 @@ def _frames_shown(transitions: Transitions, decisions: Array, database: MotionDa
         decisions | np.isin(np.arange(database.frame_count), np.asarray(database.segment_starts) - 1)
     )
     following = np.searchsorted(stops, transitions.targets)
-    result: Array = stops[np.minimum(following, len(stops) - 1)] - transitions.targets + 1
-    return result
+    return stops[np.minimum(following, len(stops) - 1)] - transitions.targets + 1
 
 
 def judge_transitions(
