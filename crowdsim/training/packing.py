@@ -33,7 +33,7 @@ from crowdsim.policy.environment import Axis, Grid, build_grid
 from crowdsim.policy.flattening import STATE_VALUES, STORED, assemble_motion, check_flattened
 from crowdsim.policy.policy import StateValues
 from crowdsim.policy.rewards import TargetBody
-from crowdsim.training.behaviours import bytes_behind
+from crowdsim.training.behaviours import Lesson
 from crowdsim.training.mirroring import is_mirrored, values_with_images
 from crowdsim.training.recipe import Recipe
 
@@ -235,7 +235,7 @@ def _computed_table(
     behind = StateValues(values, **behaviour["state_values"])
     body = TargetBody(**document["target"])
     actions = leading_actions(actions, actions.state_count)
-    table, low, step = bytes_behind(behaviour["name"], spec, database, actions, body, behind)
+    table, low, step = Lesson(behaviour["name"], spec, database, actions, body).q_bytes(behind)
     behaviour.update(stored_low=low, stored_step=step)
     return table
 
