@@ -64,13 +64,7 @@ def backward_elbows(clip: Clip, roles: Mapping[str, int]) -> tuple[str, ...]:
 
 
 def fold_forward(clip: Clip, roles: Mapping[str, int], elbows: Sequence[str]) -> Clip:
-    """Return the clip with some elbows flexed in the opposite sense by as much; forearms keep their twist.
-
-    Args:
-        clip: The clip.
-        roles: Its joints by role.
-        elbows: Roles of the elbows to correct.
-    """
+    """Return the clip with the elbows of some roles flexed in the opposite sense by as much; forearms keep twist."""
     rotations = np.array(clip.rotations)
     for role in elbows:
         along = _along(clip.skeleton, roles[role.replace("elbow", "shoulder")], roles[role])

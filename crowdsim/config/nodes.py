@@ -86,12 +86,7 @@ def _position(failure: Exception, text: str) -> int:
 
 
 def _compose(events: Iterator[Any]) -> Node | None:
-    """Put the events of a parser together.
-
-    Raises:
-        yaml.YAMLError: It is no YAML.
-        Refused: There is more than one document, too much of it, or it is nested too deeply.
-    """
+    """Put the events of a parser together."""
     documents: list[Node] = []
     above: list[Node] = []
     anchors: dict[str, Node] = {}
@@ -124,11 +119,7 @@ def _compose(events: Iterator[Any]) -> Node | None:
     return documents[0] if documents else None
 
 
-_KINDS: dict[type, int] = {
-    yaml.ScalarEvent: SCALAR,
-    yaml.SequenceStartEvent: SEQUENCE,
-    yaml.MappingStartEvent: MAPPING,
-}
+_KINDS: dict[type, int] = {yaml.ScalarEvent: SCALAR, yaml.SequenceStartEvent: SEQUENCE, yaml.MappingStartEvent: MAPPING}
 
 
 def _node(event: Any, kind: int) -> Node:

@@ -93,20 +93,14 @@ class MotionGraph:
     def captured_states(self, captured: int) -> int:
         """Return the number of states before their mirror images: that of state s is s + this.
 
-        S where the graph is not its own mirror image.
-
-        Args:
-            captured: Number of captured frames, behind which their mirror images lie.
+        S where the graph is not its own mirror image. Behind the captured frames lie their mirror images.
         """
         return self.state_count // 2 if len(self.action_images(captured)) else self.state_count
 
     def action_images(self, captured: int) -> Array:
         """Return the mirror image of each action of the captured states. Shape (choice_count / 2,), int64.
 
-        Empty where the graph is not its own mirror image.
-
-        Args:
-            captured: Number of captured frames, behind which their mirror images lie.
+        Empty where the graph is not its own mirror image. Behind the captured frames lie their mirror images.
         """
         frames, half, count = len(self.frames_kept), self.state_count // 2, self.choice_count // 2
         first = self.action_first[: self.choice_count]

@@ -153,16 +153,13 @@ _FLOATS = Within(-1e12, 1e12)
 
 
 def check_arrays(arrays: Mapping[str, Array], sizes: Mapping[str, int], stride: int, optional: tuple[str, ...]) -> None:
-    """Hold the arrays of a bundle against their table, and against one another.
+    """Raise an ``ArrayFault`` if arrays of a bundle are not what their table says, or do not belong together.
 
     Args:
         arrays: The arrays by name.
         sizes: Sizes that ``policy.json`` states: joints J, clips M, and entries of tables V and W.
         stride: Playback frames in a control frame.
         optional: Arrays that may be missing.
-
-    Raises:
-        ArrayFault: One is not what it must be.
     """
     found = check_table(TABLE, arrays, sizes, optional)
     for name in ("values", STATE_VALUES):
@@ -265,8 +262,7 @@ BEHIND = tuple(name for group in GROUPS for name in group)
 def relations_behind(arrays: Mapping[str, Array]) -> tuple[Relation, ...]:
     """Return what must be true of the arrays of falls, rests and walks that are there.
 
-    Raises:
-        ArrayFault: One of them is there without the others.
+    An ``ArrayFault`` is raised where one of them is there without the others.
     """
     relations: tuple[Relation, ...] = ()
     for what, own, needed, more in (

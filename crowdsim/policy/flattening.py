@@ -106,11 +106,7 @@ def _describe(behaviour: Behaviour) -> dict[str, Any]:
 def assemble_motion(
     document: Mapping[str, Any], arrays: Mapping[str, Array]
 ) -> tuple[MotionDatabase, MotionGraph, Actions]:
-    """Return the motion, the graph and its actions of a policy that was flattened.
-
-    Raises:
-        KeyError: Something is missing.
-    """
+    """Return the motion, the graph and its actions of a policy that was flattened."""
     skeleton = _join(Skeleton, "skeleton", document["skeleton"], arrays)
     body = _join(Body, "body", document["body"], arrays)
     database = _join(MotionDatabase, "database", document["database"], arrays, skeleton=skeleton, body=body)
@@ -121,12 +117,9 @@ def assemble_motion(
 
 
 def check_flattened(document: Mapping[str, Any], arrays: Mapping[str, Array]) -> None:
-    """Hold the arrays of a policy against what they must be, and against its plain data, which has passed its checks.
+    """Raise an ``ArrayFault`` if arrays of a policy do not fit its plain data, which has passed its checks.
 
     Values of states, which are not read with a policy, may be missing.
-
-    Raises:
-        ArrayFault: One is not what it must be.
     """
     behaviours, database = document["behaviours"], document["database"]
     stride = round(database["playback_rate"] / database["control_rate"])

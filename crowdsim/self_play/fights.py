@@ -122,11 +122,7 @@ def start_fights(
 
 
 def watch_fights(
-    simulation: Simulation,
-    frames: int,
-    learners: Array,
-    tally: Tally,
-    report: Callable[[int, int], None] | None = None,
+    simulation: Simulation, frames: int, learners: Array, tally: Tally, report: Callable[[int, int], None] | None = None
 ) -> None:
     """Run fights, and add to a tally what follows the decisions of some avatars.
 

@@ -27,16 +27,8 @@ COMMON, CELLWISE = 30.0, 60.0
 def learn_defence(policy: Policy, spec: DefenceSpec, weight: float = 1.0, progress: Progress | None = None) -> Array:
     """Return the hits that follow each action of a policy, learned in fights of its avatars.
 
-    The avatar that learns defends itself by what the rounds before have found, against opponents that do not.
-
-    Args:
-        policy: The policy, without or with a table, which is not used.
-        spec: The section of the recipe.
-        weight: Weight of the behaviour.
-        progress: Called with (stage, done, total).
-
-    Returns:
-        Shape (choice_count, CELLS), float32.
+    The avatar that learns defends itself by what the rounds before have found, against opponents that do not. A table
+    that the policy has is not used. Shape (choice_count, CELLS), float32.
     """
     model = build_model([replace(policy, defence=None)])
 

@@ -97,10 +97,7 @@ def pack_policy(trained: Path, folder: Path) -> None:
         "version": VERSION,
         "policy": document,
         "timings": bundle.read_timings(trained),
-        "parts": [
-            _write_part(folder, "motion", motion),
-            _write_part(folder, document["name"], {**others, **tables}),
-        ],
+        "parts": [_write_part(folder, "motion", motion), _write_part(folder, document["name"], {**others, **tables})],
     }
     text = json.dumps(bundle.with_checksum(packed), allow_nan=False)
     (folder / f"{document['name']}.json").write_text(text + "\n", encoding="utf-8")
@@ -119,12 +116,7 @@ def read_packed(path: Path) -> dict[str, Any]:
 
 
 def unpack_policy(path: Path, folder: Path, progress: Progress | None = None) -> None:
-    """Write the bundle of a packed policy to a folder, in whose place an older bundle may stand.
-
-    Args:
-        path: The JSON file of the packed policy.
-        folder: The folder of the bundle.
-        progress: Called with (stage, done, total).
+    """Write the bundle of a packed policy, a JSON file, to a folder, in whose place an older bundle may stand.
 
     Raises:
         PolicyError: A file is missing, foreign or damaged.
@@ -158,19 +150,11 @@ def unpack_policy(path: Path, folder: Path, progress: Progress | None = None) ->
 
 
 def pack_table(table: Array, grid: Grid, states: int) -> Array:
-    """Return what is kept of a behaviour's table, in the same type.
+    """Return what is kept of a behaviour's flat table, in the same type: codes (S or S / 2, *grid.shape), or the table.
 
     Of a table of V these are differences from what neighbours on the grid predict (Ibarria et al., "Out-of-core
     compression and decompression of large n-dimensional scalar fields", 2003), small ones of either sign as small
     codes; for the captured states alone, where the values are mirror-symmetric. A table of Q is kept as it is.
-
-    Args:
-        table: The table. Flat.
-        grid: The behaviour's grid.
-        states: Number of states.
-
-    Returns:
-        The codes. Shape (S or S / 2, *grid.shape), or the table.
     """
     if len(table) != states * grid.cells:
         return table
@@ -222,11 +206,7 @@ def _grid(behaviour: Mapping[str, Any]) -> Grid:
 def _computed_table(
     path: Path, document: Mapping[str, Any], behaviour: dict[str, Any], arrays: Mapping[str, Array], values: Array
 ) -> Array:
-    """Return a behaviour's table of Q in bytes by one backup of V, and put its range into the behaviour's data.
-
-    Raises:
-        PolicyError: The recipe in the packed policy is none, or has no such behaviour.
-    """
+    """Return a behaviour's table of Q in bytes by one backup of V, and put its range into the behaviour's data."""
     database, _, actions = assemble_motion(document, arrays)
     try:
         spec = Recipe.model_validate(document["recipe"]).behaviours[behaviour["name"]]
@@ -257,11 +237,7 @@ def _write_part(folder: Path, stem: str, arrays: Mapping[str, Array]) -> dict[st
 
 
 def _read_part(path: Path, part: Mapping[str, Any]) -> dict[str, Array]:
-    """Return the arrays in a file that the packed policy at ``path`` names.
-
-    Raises:
-        PolicyError: It is missing, or damaged.
-    """
+    """Return the arrays in a file that the packed policy at ``path`` names."""
     file = path.with_name(part["file"])
     try:
         with open_plain(file.parent, file.name) as opened:
@@ -282,11 +258,7 @@ def _read_part(path: Path, part: Mapping[str, Any]) -> dict[str, Array]:
 
 
 def check_packed(path: Path, packed: Mapping[str, Any]) -> None:
-    """Hold the JSON file of a packed policy against what it must be.
-
-    Raises:
-        PolicyError: It is something else.
-    """
+    """Raise a ``PolicyError`` if the JSON file of a packed policy is not what it must be."""
     fault = document_fault(_Packed, dict(packed))
     if fault:
         raise PolicyError(f"{path}: {fault}")
@@ -312,11 +284,7 @@ def check_packed(path: Path, packed: Mapping[str, Any]) -> None:
 
 
 def check_unpacked(path: Path, document: Mapping[str, Any], arrays: Mapping[str, Array]) -> None:
-    """Hold all arrays of a packed policy against what they must be, before any is used.
-
-    Raises:
-        PolicyError: One is something else.
-    """
+    """Raise a ``PolicyError`` if an array of a packed policy is not what it must be, before any is used."""
     stored = np.dtype(STORED[document["recipe"]["precision"]])
     entries = sum(behaviour["entries"] for behaviour in document["behaviours"])
     if entries > _MOST_ENTRIES:

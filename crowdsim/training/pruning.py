@@ -47,19 +47,7 @@ def prune_graph(
     settings: PruningSpec,
     progress: Progress | None = None,
 ) -> MotionGraph:
-    """Return the graph of the transitions that are worth most to the behaviours.
-
-    Args:
-        database: The motion.
-        graph: The wide graph.
-        specs: What is to be learned, by name.
-        body: Sizes of the target.
-        settings: How much is kept.
-        progress: Called with (stage, done, total).
-
-    Raises:
-        MotionError: What is left has no cycle.
-    """
+    """Return the graph of the transitions of a wide graph that are worth most to the behaviours, given by name."""
     actions = build_actions(database, graph)
     values: dict[str, Array] = {}
     states = _judged_states(database, graph, specs)

@@ -225,10 +225,7 @@ class PruningSpec(StrictModel):
 
     transitions: int = Field(default=8, ge=1, le=1000, description="Most transitions out of a frame.")
     spacing: float = Field(
-        default=0.33,
-        ge=0.0,
-        le=1000.0,
-        description="Least time between decisions of a clip [s]; 0 keeps them all.",
+        default=0.33, ge=0.0, le=1000.0, description="Least time between decisions of a clip [s]; 0 keeps them all."
     )
     landing: float = Field(
         default=0.25,
@@ -242,10 +239,7 @@ class DefenceSpec(StrictModel):
     """How the behaviour ``defend`` is learned: in fights of pairs of avatars with the recipe's other behaviours."""
 
     rounds: int = Field(
-        default=4,
-        ge=1,
-        le=100,
-        description="Rounds of fights; in all but the first, one of each pair defends itself.",
+        default=4, ge=1, le=100, description="Rounds of fights; in all but the first, one of each pair defends itself."
     )
     pairs: int = Field(default=192, ge=1, le=200, description="Pairs that fight at a time.")
     seconds: float = Field(default=900.0, ge=10.0, le=100_000.0, description="How long each round lasts [s].")
@@ -262,10 +256,7 @@ class RestSpec(StrictModel):
     """How avatars rest that need not fight: they stand at ease, by what the motion holds of that."""
 
     seconds: float = Field(
-        default=1.0,
-        ge=0.2,
-        le=10.0,
-        description="About how long avatars at ease go on before they decide anew [s].",
+        default=1.0, ge=0.2, le=10.0, description="About how long avatars at ease go on before they decide anew [s]."
     )
 
 

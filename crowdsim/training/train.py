@@ -170,11 +170,7 @@ def stale(folder: Path, recipe: Recipe, mocap: FileName | None = None) -> str:
 
 
 def _packed(path: Path, recipe: Recipe, mocap: FileName | None) -> Path | None:
-    """Return the packed policy of a recipe's file; None where there is none, or it is stale.
-
-    Raises:
-        PolicyError: It is foreign or damaged.
-    """
+    """Return the packed policy of a recipe's file; None where there is none, or it is stale."""
     packed = assets.packed_policy(path)
     if packed is None or _changed_parts(read_packed(packed)["policy"], recipe, mocap):
         return None

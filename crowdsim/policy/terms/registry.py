@@ -82,11 +82,8 @@ def names() -> list[str]:
 def for_frame_terms(build: Callable[[str, Any, Any], Any]) -> Any:
     """Return a kernel that does for a term of any kind that counts at frames what others do for terms of one kind.
 
-    Args:
-        build: Returns the kernel for one kind, from its name and its ``at_frames``.
-
-    Returns:
-        A kernel that takes the kind, and then what the others take.
+    It takes the kind, and then what the others take. ``build`` returns these for the name of a kind and its
+    ``at_frames``.
     """
     cases = [
         (kind, build(name, *term.at_frames))

@@ -3,13 +3,7 @@
 import numpy as np
 
 from crowdsim.jit import kernel
-from crowdsim.training.kernels.successors import (
-    DISTANCE,
-    corners_of,
-    empty_successors,
-    find_successor,
-    weights_of,
-)
+from crowdsim.training.kernels.successors import DISTANCE, corners_of, empty_successors, find_successor, weights_of
 
 
 @kernel(allocates=False)
