@@ -131,18 +131,14 @@ def load_data(
     return _sound(*_validate(document, model, overrides, context), error)
 
 
-def validate(
-    document: Document, model: type[Model], error: type[CrowdsimError], context: dict[str, Any] | None = None
-) -> Model:
+def validate(document: Document, model: type[Model], error: type[CrowdsimError]) -> Model:
     """Return the model that a document describes; arguments and errors as of :func:`load_model`."""
-    return _sound(*_validate(document, model, (), context), error)
+    return _sound(*_validate(document, model), error)
 
 
-def find_faults(
-    path: FileName, model: type[BaseModel], overrides: Sequence[str] = (), context: dict[str, Any] | None = None
-) -> list[Finding]:
+def find_faults(path: FileName, model: type[BaseModel], overrides: Sequence[str] = ()) -> list[Finding]:
     """Return everything that is wrong with a YAML file, in the order of its lines; an empty list when nothing is."""
-    return _read(path, model, overrides, context)[1]
+    return _read(path, model, overrides)[1]
 
 
 @collection_paused()
@@ -214,7 +210,7 @@ _read_document = lru_cache(maxsize=4)(read_document)
 
 @collection_paused()
 def _read(
-    path: FileName, model: type[Model], overrides: Sequence[str], context: dict[str, Any] | None
+    path: FileName, model: type[Model], overrides: Sequence[str], context: dict[str, Any] | None = None
 ) -> tuple[Model | None, list[Finding]]:
     return _validate(_document(path, bool(overrides)), model, overrides, context)
 
@@ -228,7 +224,7 @@ def _sound(value: Model | None, findings: list[Finding], error: type[CrowdsimErr
 
 
 def _validate(
-    document: Document, model: type[Model], overrides: Sequence[str], context: dict[str, Any] | None
+    document: Document, model: type[Model], overrides: Sequence[str] = (), context: dict[str, Any] | None = None
 ) -> tuple[Model | None, list[Finding]]:
     # The schema takes a tenth of a second to make, so it is made only where there is a finding.
     value, findings = None, list(document.findings)

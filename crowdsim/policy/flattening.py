@@ -26,8 +26,6 @@ from crowdsim.policy.policy import Behaviour, Policy
 from crowdsim.policy.rests import flatten_rests, read_rests, rests_of
 from crowdsim.policy.rewards import AnyTerm, TargetBody
 
-__all__ = ["STATE_VALUES", "assemble_motion", "assemble_policy", "check_flattened", "flatten_policy"]
-
 
 def flatten_policy(policy: Policy) -> tuple[dict[str, Any], dict[str, Array]]:
     """Return a policy as plain data, and its arrays by name."""

@@ -27,10 +27,10 @@ from crowdsim.errors import PolicyError
 from crowdsim.files import open_plain
 from crowdsim.policy import bundle
 from crowdsim.policy.actions import leading_actions
-from crowdsim.policy.checks import BEHIND, DEFENCE, GROUPS, TABLE
+from crowdsim.policy.checks import BEHIND, DEFENCE, GROUPS, STATE_VALUES, TABLE
 from crowdsim.policy.document import Hash, PolicyDocument, Timings
 from crowdsim.policy.environment import Axis, Grid, build_grid
-from crowdsim.policy.flattening import STATE_VALUES, STORED, assemble_motion, check_flattened
+from crowdsim.policy.flattening import STORED, assemble_motion, check_flattened
 from crowdsim.policy.policy import StateValues
 from crowdsim.policy.rewards import TargetBody
 from crowdsim.training.behaviours import Lesson

@@ -330,13 +330,13 @@ class Recipe(StrictModel):
         return self
 
 
-def load_recipe(path: FileName, overrides: list[str] | tuple[str, ...] = ()) -> Recipe:
+def load_recipe(path: FileName) -> Recipe:
     """Return the recipe of a YAML file; its folder of capture is seen from the file's, and so is right from anywhere.
 
     Raises:
         RecipeError: With a line for everything that is wrong, its line and column, and what was expected.
     """
-    recipe = load_model(path, Recipe, RecipeError, overrides)
+    recipe = load_model(path, Recipe, RecipeError)
     capture = recipe.motion.capture
     if capture is None or capture.folder is None:
         return recipe
