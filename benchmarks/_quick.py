@@ -1,10 +1,12 @@
-"""What benchmarks run on with ``--quick``: the shipped policies, learned in seconds from little motion."""
+"""The options that all benchmarks have, and what they run on with ``--quick``: policies learned in seconds."""
 
 from __future__ import annotations
 
+import argparse
 import os
 import tempfile
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,24 @@ import yaml
 ROOT = Path(__file__).resolve().parents[1]
 COUNTS = {"distance": 8, "bearing": 8, "height": 2}
 """Grid points of each axis, at the most."""
+
+
+def command_line(about: str | None, quick: str) -> argparse.ArgumentParser:
+    """Return a parser of the options ``--json`` and ``--quick``; ``about`` is a docstring, or a sentence."""
+    parser = argparse.ArgumentParser(description=(about or "").splitlines()[0])
+    parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
+    parser.add_argument("--quick", action="store_true", help=quick)
+    return parser
+
+
+def best_seconds(work: Callable[[], object], repeats: int) -> float:
+    """Return the shortest time of several runs [s]."""
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - start)
+    return min(times)
 
 
 def smaller(recipe: dict[str, Any], seconds: float, falls: bool = False) -> dict[str, Any]:
@@ -52,7 +72,7 @@ def with_policy(name: str, shipped: str = "boxer") -> list[str]:
 
 
 @contextmanager
-def small_policies(seconds: float = 24.0, falls: bool = False) -> Iterator[None]:
+def small_policies(seconds: float = 24.0, falls: bool = False, wanted: bool = True) -> Iterator[None]:
     """Work in a folder where the shipped policies are small; they are trained there on first use.
 
     The working folder is where policies are looked for first. It is removed at the end.
@@ -60,7 +80,11 @@ def small_policies(seconds: float = 24.0, falls: bool = False) -> Iterator[None]
     Args:
         seconds: Length of the performance that they learn from [s].
         falls: Whether those have falls whose recipes ask for them.
+        wanted: Otherwise the shipped policies are used.
     """
+    if not wanted:
+        yield
+        return
     before = Path.cwd()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name).resolve()

@@ -12,19 +12,17 @@ time with one worker over that with two.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import statistics
 import subprocess
 import sys
 import tempfile
-from contextlib import nullcontext
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from _quick import small_policies
+from _quick import command_line, small_policies
 
 from crowdsim.batch.description import load_batch
 from crowdsim.batch.results import read_result
@@ -91,12 +89,10 @@ def measure(runs: int, looped: int, frames: int) -> dict[str, Any]:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("--quick", action="store_true", help="few short runs and a small policy: it runs, no more")
+    parser = command_line(__doc__, "few short runs and a small policy: it runs, no more")
     parser.add_argument("--runs", type=int, default=RUNS, help="number of runs")
     options = parser.parse_args()
-    with small_policies() if options.quick else nullcontext():
+    with small_policies(wanted=options.quick):
         report = measure(QUICK_RUNS, QUICK_LOOP, QUICK_FRAMES) if options.quick else measure(options.runs, LOOP, FRAMES)
     if options.json:
         print(json.dumps(report, indent=2))

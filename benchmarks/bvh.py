@@ -13,12 +13,10 @@ memory, in megabytes of text per second; the BVH libraries write only to a file 
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
 import json
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -26,6 +24,7 @@ import bvhio
 import numpy as np
 import polars
 import pybvh
+from _quick import best_seconds, command_line
 
 from crowdsim.bvh.io import Bvh, format_bvh, format_motion, from_clip, read_bvh, write_bvh
 from crowdsim.motion import quaternion
@@ -45,17 +44,6 @@ def synthetic_motion(frames: int) -> Bvh:
     angles = rng.uniform(0.1, 1.0, (JOINTS, 3)) * np.sin(2 * np.pi * seconds / periods + phases)
     roots = np.stack([0.1 * np.sin(seconds[:, 0, 0]), 0.9 + 0 * seconds[:, 0, 0], 1.2 * seconds[:, 0, 0] % 9], axis=-1)
     return from_clip(Clip("synthetic", skeleton, 120.0, roots, quaternion.from_euler(angles, "ZXY")))
-
-
-def best_seconds(work: Callable[[], object], repeats: int) -> float:
-    """Return the shortest time of several runs after a first one that does not count [s]."""
-    times = []
-    for _ in range(repeats + 1):
-        start = time.perf_counter()
-        with contextlib.redirect_stdout(io.StringIO()):
-            work()
-        times.append(time.perf_counter() - start)
-    return min(times[1:])
 
 
 def reading(path: Path, short: Path, repeats: int) -> dict[str, float]:
@@ -127,15 +115,14 @@ def measure(megabytes: float, repeats: int) -> dict[str, object]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", action="store_true", help="print JSON and nothing else")
+    parser = command_line(__doc__, "seconds: a small file, read and written twice")
     parser.add_argument("--megabytes", type=float, default=20.0, help="size of the file")
     parser.add_argument("--repeats", type=int, default=5, help="runs of each, of which the best counts")
-    parser.add_argument("--quick", action="store_true", help="seconds: a small file, read and written twice")
     options = parser.parse_args()
     if options.quick:
         options.megabytes, options.repeats = min(options.megabytes, 0.4), min(options.repeats, 1)
-    result = measure(options.megabytes, options.repeats)
+    with contextlib.redirect_stdout(io.StringIO()):  # some of the others print
+        result = measure(options.megabytes, options.repeats)
     if options.json:
         print(json.dumps(result, indent=2))
         return

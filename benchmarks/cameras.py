@@ -16,15 +16,13 @@ of both avatars, at the median and in one of a hundred frames.
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
-from _quick import small_policies
+from _quick import command_line, small_policies
 
 from crowdsim.core.types import Array
 from crowdsim.motion import quaternion
@@ -199,13 +197,9 @@ def lines(outcome: Mapping[str, Any]) -> Iterator[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="How much do cameras show of strikes that land?")
-    parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
-    parser.add_argument("--quick", action="store_true", help="seconds: a few strikes, small policies")
+    parser = command_line("How much do cameras show of strikes that land?", "seconds: a few strikes, small policies")
     options = parser.parse_args()
-    with ExitStack() as stack:
-        if options.quick:
-            stack.enter_context(small_policies(falls=True))
+    with small_policies(falls=True, wanted=options.quick):
         outcome = measure(options.quick)
     print(json.dumps(outcome, indent=2) if options.json else "\n".join(lines(outcome)))
 

@@ -11,7 +11,6 @@ close), and as refused where the file would not be trained on. A finding about a
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import tempfile
@@ -20,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from _capture_faults import FAULTS, clean_twins
+from _quick import command_line
 
 from crowdsim.bvh.io import Bvh, write_bvh
 from crowdsim.capture.faults import FAULTS as KINDS
@@ -134,11 +134,9 @@ def poses(capture: Capture, frames: slice) -> tuple[Array, Array]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", action="store_true", help="print JSON and nothing else")
+    parser = command_line(__doc__, "seconds: three clips")
     parser.add_argument("--clips", type=int, default=30, help="clean clips, at the most")
     parser.add_argument("--kinds", help="kinds of faults, by commas; all by default")
-    parser.add_argument("--quick", action="store_true", help="seconds: three clips")
     options = parser.parse_args()
     result = measure(3 if options.quick else options.clips, options.kinds.split(",") if options.kinds else None)
     if options.json:

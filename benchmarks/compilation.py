@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from _quick import ROOT, small_policies
+from _quick import ROOT, command_line, small_policies
 
 from crowdsim.jit.signatures import Listed, encode, listed, write
 
@@ -186,9 +186,7 @@ def several(rows: list[dict[str, Any]]) -> dict[str, int]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="What kernels cost to compile.")
-    parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
-    parser.add_argument("--quick", action="store_true", help="a minute: the training alone")
+    parser = command_line("What kernels cost to compile.", "a minute: the training alone")
     parser.add_argument("--write", action="store_true", help="write crowdsim/jit/signatures.json")
     parser.add_argument("--use", choices=USES, help=argparse.SUPPRESS)
     parser.add_argument("--folder", help=argparse.SUPPRESS)

@@ -14,21 +14,19 @@ stated apart. Peak memory is what Python and numpy allocate while one file is wr
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import tempfile
 import time
 import tracemalloc
-from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from _quick import small_policies
-from export import AVATARS, FPS, Posed, best_seconds
+from _quick import best_seconds, command_line, small_policies
+from export import AVATARS, FPS, Posed
 
 from crowdsim.body.anatomy import Build
 from crowdsim.body.looks import usual_build
@@ -158,18 +156,14 @@ def measure(frames: int, threads: int, repeats: int, run_frames: int | None = No
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", action="store_true")
+    parser = command_line(__doc__, "seconds: few frames")
     parser.add_argument("--frames", type=int, default=4000)
     parser.add_argument("--threads", type=int, default=min(2, os.cpu_count() or 1))
     parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--quick", action="store_true", help="seconds: few frames")
     chosen = parser.parse_args()
     if chosen.quick:
         chosen.frames, chosen.repeats = min(chosen.frames, 60), 1
-    with ExitStack() as stack:
-        if chosen.quick:
-            stack.enter_context(small_policies())
+    with small_policies(wanted=chosen.quick):
         outcome = measure(chosen.frames, chosen.threads, chosen.repeats, 20 if chosen.quick else None)
     if chosen.json:
         print(json.dumps({**vars(chosen), **outcome}, indent=2))

@@ -17,13 +17,10 @@ which supports neither velocities nor labels, on fifty, and multiplied.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import tempfile
-import time
-from collections.abc import Callable, Sequence
-from contextlib import nullcontext
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -33,7 +30,7 @@ import numpy as np
 import open3d
 import orjson
 from _commands import warm_and_cold, whole_command
-from _quick import small_policies
+from _quick import best_seconds, command_line, small_policies
 from numpy.typing import NDArray
 
 from crowdsim.bvh.clip import channel_motion, clip_channels
@@ -104,16 +101,6 @@ class Posed:
         return channel_motion(channels, poses.root_positions[:, avatar], poses.rotations[:, avatar])
 
 
-def best_seconds(work: Callable[[], object], repeats: int) -> float:
-    """Return the shortest time of several runs [s]."""
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return min(times)
-
-
 def measure(frames: int, clouds: int, threads: int, repeats: int) -> dict[str, Any]:
     """Return seconds of every method of writing, and sizes [MB]."""
     sampler: Any = Posed(frames)
@@ -172,21 +159,19 @@ def commands(exported: int, inspected: int) -> dict[str, dict[str, float]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", action="store_true")
+    parser = command_line(__doc__, "seconds: few frames and clouds")
     parser.add_argument("--frames", type=int, default=4000)
     parser.add_argument("--clouds", type=int, default=1000)
     parser.add_argument("--threads", type=int, default=min(2, os.cpu_count() or 1))
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--control", type=int, default=60_000, help="control frames that are exported as BVH")
     parser.add_argument("--inspected", type=int, default=150_000, help="control frames that `inspect` describes")
-    parser.add_argument("--quick", action="store_true", help="seconds: few frames and clouds")
     chosen = parser.parse_args()
     if chosen.quick:
         chosen.frames, chosen.clouds, chosen.repeats = min(chosen.frames, 60), min(chosen.clouds, 4), 1
         chosen.control, chosen.inspected = min(chosen.control, 60), min(chosen.inspected, 60)
     outcome = measure(chosen.frames, chosen.clouds, chosen.threads, chosen.repeats)
-    with small_policies() if chosen.quick else nullcontext():
+    with small_policies(wanted=chosen.quick):
         outcome["commands"] = commands(chosen.control, chosen.inspected)
     if chosen.json:
         print(json.dumps({**vars(chosen), **outcome}, indent=2))

@@ -80,7 +80,7 @@ from _exported.strips import draw_strips
 from _exported.table import print_table
 from _exported.transition_classifier import classify_transitions
 from _exported.variety import measure_variety
-from _quick import small_policies
+from _quick import command_line, small_policies
 
 SCENES = {"brawl_30": 60, "brawl_30_cmu": 60, "armies_200": 30}
 """What is run without a RUN, and frames a second of its files."""
@@ -123,8 +123,7 @@ def measure_all(options: argparse.Namespace) -> dict[str, Any]:
     strips = None if options.strips is None else options.strips.resolve()
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        if options.quick:
-            stack.enter_context(small_policies())
+        stack.enter_context(small_policies(wanted=options.quick))
         work: list[tuple[str, Path | None]] = [(run.name, run.resolve()) for run in options.runs]
         if not work:
             names = [name for name in SCENES if options.quick or options.mocap or "cmu" not in name]
@@ -143,17 +142,13 @@ def measure_all(options: argparse.Namespace) -> dict[str, Any]:
 
 def main() -> None:
     """Read the command line, measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = command_line(__doc__, f"seconds: {FEW} avatars, {QUICK} control frames, small policies")
     parser.add_argument("runs", type=Path, nargs="*", metavar="RUN", help="folders of runs with BVH files")
     parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder with capture")
     parser.add_argument("--policies", type=Path, help="folder of bundles; else where runs find them")
     parser.add_argument("--frames", type=int, help="control frames of runs that are made here, else those of scenarios")
     parser.add_argument("--seconds", type=float, default=0.4, help="length of a window around a transition, 0.2 to 1.6")
     parser.add_argument("--strips", type=Path, metavar="FOLDER", help="draw the ten worst moments of each kind there")
-    parser.add_argument(
-        "--quick", action="store_true", help=f"seconds: {FEW} avatars, {QUICK} control frames, small policies"
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON and nothing else")
     options = parser.parse_args()
     if not 0.2 <= options.seconds <= 1.6:
         parser.error(f"--seconds is {options.seconds}, expected 0.2 to 1.6")

@@ -29,19 +29,17 @@ asterisks. --consequences measures only these.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from _fights import bouts, breaks, consequences, defence, knock_downs, lying, reaction_time
-from _quick import small_policies
+from _quick import command_line, small_policies
 
 from crowdsim.crowd.model_falls import captured_starts
 from crowdsim.poses.sampler import PoseSampler
@@ -179,17 +177,13 @@ def lines(outcome: Mapping[str, Any]) -> Iterator[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Do avatars fight, and who wins?")
+    parser = command_line(
+        "Do avatars fight, and who wins?", "seconds: six avatars, 20 s, a few bouts of 8 s, small policies"
+    )
     parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder of capture")
     parser.add_argument("--consequences", action="store_true", help="only what follows knock-downs, and breaks")
-    parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
-    parser.add_argument(
-        "--quick", action="store_true", help="seconds: six avatars, 20 s, a few bouts of 8 s, small policies"
-    )
     options = parser.parse_args()
-    with ExitStack() as stack:
-        if options.quick:
-            stack.enter_context(small_policies(falls=True))
+    with small_policies(falls=True, wanted=options.quick):
         if options.consequences:
             outcome = measure_consequences(options.mocap, options.quick)
             text = consequences.lines(outcome)

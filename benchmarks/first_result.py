@@ -14,7 +14,6 @@ With ``--quick`` the policies are small, so is the brawl, and kernels that are c
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import resource
@@ -28,7 +27,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from _quick import ROOT, small_policies
+from _quick import ROOT, command_line, small_policies
 
 QUICK = ("--frames", "60", "--fraction", "0.2")
 PROGRAM = "from crowdsim.cli import main; main()"
@@ -163,10 +162,8 @@ def measure(threads: int, quick: bool) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="What the first result costs.")
+    parser = command_line("What the first result costs.", "a minute or two: six avatars, 4 s, small policies")
     parser.add_argument("--threads", type=int, default=min(2, os.cpu_count() or 1))
-    parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
-    parser.add_argument("--quick", action="store_true", help="a minute or two: six avatars, 4 s, small policies")
     options = parser.parse_args()
     outcome = measure(options.threads, options.quick)
     if options.json:

@@ -44,6 +44,7 @@ from typing import Any
 
 import numba as nb
 import numpy as np
+from _quick import command_line
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
@@ -261,10 +262,8 @@ def print_table(rows: list[dict[str, Any]]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = command_line(__doc__, "seconds: little motion, few starts")
     parser.add_argument("--mocap", default=os.environ.get("CROWDSIM_MOCAP", ""), help="folder with fight_daz")
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--quick", action="store_true", help="seconds: little motion, few starts")
     parser.add_argument("--child", type=float, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.child:

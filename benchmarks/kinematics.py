@@ -10,14 +10,13 @@ solver that moves fists and plants feet.
 
 from __future__ import annotations
 
-import argparse
 import json
-import time
 from collections.abc import Callable
 from typing import Any
 
 import numba
 import numpy as np
+from _quick import best_seconds, command_line
 from numpy.typing import NDArray
 from pymotion.ops.skeleton_np import fk, fk_quat
 
@@ -42,16 +41,6 @@ def bend_arms(limbs: Any, rotations: Any, positions: Any, turns: Any, targets: A
     for i in range(len(targets)):
         target = targets[i, 0], targets[i, 1], targets[i, 2]
         bend_limb(limbs, 0, rotations[i], World(positions[i], turns[i]), target, distance)
-
-
-def best_seconds(work: Callable[[], object], repeats: int) -> float:
-    """Return the shortest time of several runs after a first one that does not count [s]."""
-    times = []
-    for _ in range(repeats + 1):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return min(times[1:])
 
 
 def measure(poses: int, repeats: int) -> dict[str, dict[str, float]]:
@@ -94,11 +83,9 @@ def measure(poses: int, repeats: int) -> dict[str, dict[str, float]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", action="store_true", help="print JSON and nothing else")
+    parser = command_line(__doc__, "seconds: few poses, run twice")
     parser.add_argument("--poses", type=int, default=4096, help="poses a call")
     parser.add_argument("--repeats", type=int, default=20, help="runs of each, of which the best counts")
-    parser.add_argument("--quick", action="store_true", help="seconds: few poses, run twice")
     options = parser.parse_args()
     if options.quick:
         options.poses, options.repeats = min(options.poses, 256), min(options.repeats, 2)

@@ -36,7 +36,6 @@ import argparse
 import json
 import os
 import sys
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -50,7 +49,7 @@ from _motion.smoothness import measure_smoothness
 from _motion.text import lines_of_policy
 from _motion.transition_judge import NOISE, judge, mean_of
 from _motion.transition_windows import alone, made, usable, without_strikes
-from _quick import small_policies, with_policy
+from _quick import command_line, small_policies, with_policy
 
 from crowdsim.policy.policy import Policy
 from crowdsim.poses.sampler import PoseSampler
@@ -123,15 +122,13 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
 
 def main() -> None:
     """Read the command line, measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = command_line(__doc__, "seconds: one small brawl, small policies")
     parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder with capture")
-    parser.add_argument("--json", action="store_true", help="print JSON and nothing else")
     parser.add_argument("--windows", type=int, default=1000, help="most transitions that are classified")
     parser.add_argument("--policy", nargs="+", help="recipes or bundles other than boxer and boxer_cmu")
     parser.add_argument("--seconds", type=float, default=0.4, help="length of a window, 0.2 to 1.6")
     parser.add_argument("--brawls", type=int, default=3, help="brawls whose transitions are classified")
     parser.add_argument("--noise", type=float, default=1e3 * NOISE, help="noise on all positions [mm]")
-    parser.add_argument("--quick", action="store_true", help="seconds: one small brawl, small policies")
     options = parser.parse_args()
     if options.quick:
         options.windows, options.brawls = min(options.windows, 80), 1
@@ -141,10 +138,8 @@ def main() -> None:
         parser.error(f"--seconds is {options.seconds}, expected 0.2 to 1.6")
     if options.brawls < 1:
         parser.error(f"--brawls is {options.brawls}, expected 1 or more")
-    with ExitStack() as stack:
-        if options.quick:
-            # Two clips, so that classifiers can be asked about what they have not seen.
-            stack.enter_context(small_policies(60.0, falls=True))
+    # Two clips, so that classifiers can be asked about what they have not seen.
+    with small_policies(60.0, falls=True, wanted=options.quick):
         result = measure(options)
     if options.json:
         print(json.dumps(_plain(result), indent=2, allow_nan=False))

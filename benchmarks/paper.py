@@ -34,6 +34,7 @@ from typing import Any
 
 from _policies.paper_differences import Difference, as_in_the_paper, differences, quicker, smaller
 from _policies.realised_reward import RewardCounter
+from _quick import command_line
 from scenes import Scene, build_scene, play
 
 from crowdsim.core.workers import CORES, limited
@@ -205,9 +206,10 @@ def show(outcome: dict[str, Any]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="The paper carried out, and what each difference from it does.")
-    parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
-    parser.add_argument("--quick", action="store_true", help="seconds: tiny motion, grids and scenes, the same keys")
+    parser = command_line(
+        "The paper carried out, and what each difference from it does.",
+        "seconds: tiny motion, grids and scenes, the same keys",
+    )
     parser.add_argument("--seeds", type=int, default=3, help="number of seeds of each scene, from 1 on")
     parser.add_argument("--threads", type=int, default=min(2, CORES))
     parser.add_argument("--difference", action="extend", nargs="+", help="only these; all by default")

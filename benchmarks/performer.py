@@ -17,7 +17,6 @@ observed at the strike's frame, and, so that steps count, from any frame of the 
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import time
@@ -27,6 +26,7 @@ from typing import Any
 
 import numpy as np
 from _fall_detection import count_captured, detect_falls
+from _quick import command_line
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial import KDTree
 
@@ -256,9 +256,7 @@ def summarise(samples: list[dict[str, Array]]) -> dict[str, list[float]]:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--quick", action="store_true", help="a short session, in seconds")
+    parser = command_line(__doc__, "a short session, in seconds")
     parser.add_argument("--seconds", type=float, default=437.0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--capture", type=Path)

@@ -13,11 +13,10 @@ import argparse
 import json
 import math
 import time
-from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
-from _quick import small_policies
+from _quick import command_line, small_policies
 
 from crowdsim import load_policies, load_scenario
 from crowdsim.core.types import Array
@@ -89,19 +88,16 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="What do obstacles cost?")
+    parser = command_line("What do obstacles cost?", "seconds: 3 s of the brawl, two runs, a small policy")
     parser.add_argument("--walls", type=int, default=50, help="number of walls")
     parser.add_argument("--half", type=float, nargs="+", default=[6.0, 12.0], help="half the sides of squares [m]")
     parser.add_argument("--runs", type=int, default=12, help="runs of each crowd")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--seed", type=int, default=1, help="seed of the walls")
-    parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
-    parser.add_argument("--quick", action="store_true", help="seconds: 3 s of the brawl, two runs, a small policy")
     options = parser.parse_args()
-    with ExitStack() as stack:
-        if options.quick:
-            stack.enter_context(small_policies())
-            options.runs = min(options.runs, 2)
+    if options.quick:
+        options.runs = min(options.runs, 2)
+    with small_policies(wanted=options.quick):
         results = measure(options)
     if options.json:
         print(json.dumps(results, indent=2))

@@ -42,6 +42,7 @@ from _policies.learning import (
     wanted_within,
 )
 from _policies.tables import precisions, prices, resolutions
+from _quick import command_line
 
 from crowdsim.core.workers import CORES, limited
 from crowdsim.policy.policy import Behaviour, Policy
@@ -52,12 +53,7 @@ SHIPPED = ("boxer", "boxer_crowd", "boxer_cmu")
 
 
 def judge(
-    policy: Policy,
-    spec: BehaviourSpec,
-    fine: Behaviour,
-    ours: Behaviour | Composition,
-    sizes: Sizes,
-    threads: int,
+    policy: Policy, spec: BehaviourSpec, fine: Behaviour, ours: Behaviour | Composition, sizes: Sizes, threads: int
 ) -> dict[str, Any]:
     """Return how good a behaviour or a composition is, beside the reference and beside random choice.
 
@@ -161,12 +157,10 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="How good trained policies are.")
-    parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
+    parser = command_line("How good trained policies are.", "seconds: little motion, coarse grids, few starts")
     parser.add_argument("--mocap", default=os.environ.get("CROWDSIM_MOCAP"), help="folder of motion capture")
     parser.add_argument("--policy", action="append", help="a recipe's stem; several may be named")
     parser.add_argument("--threads", type=int, default=min(2, CORES))
-    parser.add_argument("--quick", action="store_true", help="seconds: little motion, coarse grids, few starts")
     options = parser.parse_args()
     with limited(options.threads):
         outcome = measure(options)

@@ -11,7 +11,6 @@ counts; CPU time is given beside it, since other load on the machine lengthens w
 
 from __future__ import annotations
 
-import argparse
 import json
 import time
 from collections.abc import Callable
@@ -21,6 +20,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from _quick import command_line
 from pymotion.ops.skeleton_np import fk_quat
 
 from crowdsim.core.types import Array
@@ -161,12 +161,10 @@ def measure(
 
 def main() -> None:
     """Read the command line, measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", action="store_true", help="print JSON and nothing else")
+    parser = command_line(__doc__, "seconds: few avatars, little motion")
     parser.add_argument("--avatars", type=int, default=100, help="avatars of a block")
     parser.add_argument("--seconds", type=float, default=20.0, help="length of the take")
     parser.add_argument("--repeats", type=int, default=7, help="runs of each, of which the best counts")
-    parser.add_argument("--quick", action="store_true", help="seconds: few avatars, little motion")
     options = parser.parse_args()
     if options.quick:
         result = measure(min(options.avatars, 6), min(options.seconds, 3.0), 1, 60, 24)

@@ -32,14 +32,13 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import psutil
 from _commands import warm_and_cold, whole_command
-from _quick import small_policies
+from _quick import command_line, small_policies
 
 from crowdsim.crowd.profiling import with_avatars
 from crowdsim.motion import quaternion
@@ -243,20 +242,14 @@ def measure(sizes: Sizes, quick: bool) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", action="store_true", help="one JSON document and nothing else")
-    parser.add_argument(
-        "--quick", action="store_true", help="seconds: small pictures, few boxers and frames, small policies"
-    )
+    parser = command_line(__doc__, "seconds: small pictures, few boxers and frames, small policies")
     parser.add_argument("--open3d", action="store_true", help=argparse.SUPPRESS)
     chosen = parser.parse_args()
     sizes = QUICK if chosen.quick else Sizes()
     if chosen.open3d:
         print(with_open3d(sizes))
         return
-    with ExitStack() as stack:
-        if chosen.quick:
-            stack.enter_context(small_policies())
+    with small_policies(wanted=chosen.quick):
         outcome = measure(sizes, chosen.quick)
     if chosen.json:
         print(json.dumps(outcome, indent=2))

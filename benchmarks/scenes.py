@@ -30,13 +30,12 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from _quick import small_policies
+from _quick import command_line, small_policies
 from _scene_goals import GOALS, summarise
 from _scene_obstacles import OutsideCounter
 
@@ -223,16 +222,14 @@ def measure(chosen: Sequence[str], options: argparse.Namespace) -> dict[str, Any
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Do the shipped scenes show fights?")
+    parser = command_line(
+        "Do the shipped scenes show fights?", "seconds: tiny crowds, 3 s each, two seeds, small policies"
+    )
     parser.add_argument("--scene", action="extend", nargs="+", help=f"of ring, {', '.join(names())}; all by default")
     parser.add_argument("--seeds", type=int, default=SEEDS, help="number of seeds, from 1 on")
     parser.add_argument("--policy", help="policy that stands in for those of all scenes")
     parser.add_argument("--threads", type=int, default=min(2, CORES))
     parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder of capture")
-    parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
-    parser.add_argument(
-        "--quick", action="store_true", help="seconds: tiny crowds, 3 s each, two seeds, small policies"
-    )
     options = parser.parse_args()
     asked = options.scene or names()
     unknown = [name for name in asked if name not in (*names(), "ring")]
@@ -241,9 +238,7 @@ def main() -> None:
     if options.seeds < 1:
         parser.error(f"the number of seeds is {options.seeds}, expected 1 or more")
     chosen = [name for name in names() if name in asked or ("ring" in asked and name.startswith("ring_"))]
-    with ExitStack() as stack:
-        if options.quick and options.policy is None:
-            stack.enter_context(small_policies())
+    with small_policies(wanted=options.quick and options.policy is None):
         results = measure(chosen, options)
     if options.json:
         print(json.dumps(results, indent=2))

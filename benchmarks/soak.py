@@ -13,16 +13,14 @@ without its outputs.
 
 from __future__ import annotations
 
-import argparse
 import json
 import tempfile
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import psutil
-from _quick import small_policies
+from _quick import command_line, small_policies
 
 from crowdsim.core.types import Array
 from crowdsim.runs.manifest import read_manifest
@@ -141,12 +139,10 @@ def measure(frames: int) -> dict[str, Any]:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("--quick", action="store_true", help="few frames and a small policy: it runs, no more")
+    parser = command_line(__doc__, "few frames and a small policy: it runs, no more")
     parser.add_argument("--frames", type=int, default=FRAMES, help="control frames")
     options = parser.parse_args()
-    with small_policies() if options.quick else nullcontext():
+    with small_policies(wanted=options.quick):
         report = measure(QUICK_FRAMES if options.quick else options.frames)
     if options.json:
         print(json.dumps(report, indent=2))

@@ -20,17 +20,16 @@ writing what it holds to one file, uncompressed, until it is on disk; both with 
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import tempfile
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
-from _quick import small_policies
+from _quick import command_line, small_policies
 
 from crowdsim.runs.checkpoint import frames_done
 from crowdsim.runs.manifest import read_manifest
@@ -170,14 +169,12 @@ def measure(frames: int, avatars: int) -> dict[str, Any]:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("--quick", action="store_true", help="few frames and a small policy: it runs, no more")
+    parser = command_line(__doc__, "few frames and a small policy: it runs, no more")
     parser.add_argument("--frames", type=int, default=FRAMES, help="control frames of the long run")
     parser.add_argument("--avatars", type=int, default=AVATARS, help="avatars of the large crowd")
     options = parser.parse_args()
     sizes = (QUICK_FRAMES, QUICK_AVATARS) if options.quick else (options.frames, options.avatars)
-    with small_policies() if options.quick else nullcontext():
+    with small_policies(wanted=options.quick):
         report = measure(*sizes)
     if options.json:
         print(json.dumps(report, indent=2))

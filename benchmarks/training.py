@@ -13,7 +13,6 @@ figures mean nothing.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import time
@@ -22,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse
+from _quick import command_line
 
 from crowdsim.core.workers import CORES, limited, share
 from crowdsim.policy.actions import Actions
@@ -227,10 +227,8 @@ def summary(outcome: dict[str, Any]) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Training against QuantEcon and the paper.")
-    parser.add_argument("--json", action="store_true", help="print one JSON document and nothing else")
+    parser = command_line("Training against QuantEcon and the paper.", "a small model, to see that all runs")
     parser.add_argument("--repeats", type=int, default=7, help="sweeps timed of each kind")
-    parser.add_argument("--quick", action="store_true", help="a small model, to see that all runs")
     options = parser.parse_args()
     with limited(2):
         outcome = measure(2 if options.quick else options.repeats, quick=options.quick)

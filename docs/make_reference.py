@@ -5,7 +5,7 @@ from pathlib import Path
 from crowdsim.batch.description import batch_reference
 from crowdsim.scenario.reference import scenario_reference, with_outputs
 from crowdsim.scenario.scenario import scenario_schema
-from crowdsim.training.recipe_reference import recipe_reference
+from crowdsim.training.recipe import recipe_reference
 
 ROOT = Path(__file__).resolve().parent.parent
 

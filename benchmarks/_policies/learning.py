@@ -11,23 +11,15 @@ import numpy as np
 from crowdsim.policy.policy import Behaviour, Policy
 from crowdsim.policy.rewards import ProximityTerm
 from crowdsim.training.behaviours import train_behaviour
-from crowdsim.training.evaluation import Composition, Episodes, EpisodeSettings, random_starts, run_episodes
+from crowdsim.training.evaluation import Composition, Episodes, EpisodeSettings, run_episodes
 from crowdsim.training.fingerprint import capture_files
 from crowdsim.training.mirroring import solved_states
-from crowdsim.training.ranges import strike_reach
 from crowdsim.training.recipe import BehaviourSpec, Recipe, load_recipe
 from crowdsim.training.train import ready_policy, train_policy
+from crowdsim.training.trials import ARRIVED_WITHIN, CLOSE, LANDED_WITHIN, WALKED_AND_LANDED_WITHIN, starts_of_trials
 
 POLICIES = Path(__file__).resolve().parents[2] / "policies"
-NEAR_AND_FAR = (0.6, 4.0)
-"""How far away targets are that avatars must walk to [m]."""
-
-AROUND = (-np.pi, np.pi)
-CLOSE = 0.1
-"""How much further away than wanted a target may be that an avatar has come to [m]."""
-
-ARRIVED_WITHIN = 10.0
-LANDED_WITHIN = {False: 3.0, True: 6.0}
+LANDED = {False: LANDED_WITHIN, True: WALKED_AND_LANDED_WITHIN}
 """By when an episode has succeeded [s]: by a landed strike, without and with a walk before it."""
 
 QUICK = {"distance": 8, "bearing": 8, "height": 2}
@@ -121,15 +113,8 @@ def starts_for(policy: Policy, spec: BehaviourSpec, count: int) -> tuple[Any, An
     For one that is rewarded for strikes alone targets are where they reach, for one that is rewarded for being near
     alone they are further away, and for one that is rewarded for both they are half and half.
     """
-    reach = strike_reach(policy.database)
-    near = random_starts(policy, count, reach.distance, reach.bearing, reach.head_height)
-    far = random_starts(policy, count, NEAR_AND_FAR, AROUND, reach.head_height)
-    if not any(isinstance(term, ProximityTerm) for term in spec.rewards):
-        return near
-    if not spec.strikes:
-        return far
-    odd = np.arange(count) % 2 == 1
-    return np.where(odd, far[0], near[0]), np.where(odd[:, None], far[1], near[1])
+    walks = any(isinstance(term, ProximityTerm) for term in spec.rewards)
+    return starts_of_trials(policy, spec.strikes, walks, count)
 
 
 def wanted_within(behaviour: Behaviour) -> float:
@@ -141,6 +126,6 @@ def success(spec: BehaviourSpec, episodes: Episodes) -> tuple[float, float | Non
     """Return the share of episodes that succeed in time, and the median time of those that ever do, if any [s]."""
     walks = any(isinstance(term, ProximityTerm) for term in spec.rewards)
     times = episodes.landings if spec.strikes else episodes.arrivals
-    in_time = LANDED_WITHIN[walks] if spec.strikes else ARRIVED_WITHIN
+    in_time = LANDED[walks] if spec.strikes else ARRIVED_WITHIN
     share = float(np.mean(times <= in_time))
     return share, float(np.nanmedian(times)) if np.isfinite(times).any() else None

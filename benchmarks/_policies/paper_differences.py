@@ -14,10 +14,7 @@ Plain = dict[str, Any]
 
 SECONDS = {False: 120.0, True: 24.0}
 """Motion that ablations are trained on, in full and quick runs [s]."""
-COUNTS = {
-    False: {"distance": 20, "bearing": 24, "height": 3},
-    True: {"distance": 6, "bearing": 8, "height": 2},
-}
+COUNTS = {False: {"distance": 20, "bearing": 24, "height": 3}, True: {"distance": 6, "bearing": 8, "height": 2}}
 """Most grid points of each axis, in full and quick runs."""
 SWEEPS = {False: 8, True: 1}
 """Rounds of exploration of Q-learning."""

@@ -116,11 +116,7 @@ def read_attempts(path: Path, session: str = "") -> list[Attempt]:
 
 
 def read_deaths(folder: Path, id: str, session: str) -> dict[str, list[Attempt]]:
-    """Return the attempts at each task of a run that have died in a session of its batch.
-
-    Raises:
-        BatchError: A log is no regular file, or too long.
-    """
+    """Return the attempts at each task of a run that have died in a session of its batch."""
     logs = [log_path(folder, id, name[:-4]) for name in entries(folder, f"{LOGS}/{id}") if name.endswith(".log")]
     return {log.stem: [one for one in read_attempts(log, session) if not one.ended] for log in logs}
 
@@ -189,14 +185,9 @@ def _write(log: TextIO, mark: Mapping[str, Any]) -> None:
 def describe_failure(
     folder: Path, run: PlannedRun, error: BaseException, session: str, out_of_memory: Collection[tuple[str, int]] = ()
 ) -> dict[str, Any]:
-    """Return why a run failed, as its result.
+    """Return why a run failed, as its result, by the error that Dask reports.
 
-    Args:
-        folder: Folder of the batch.
-        run: The run.
-        error: What Dask reports.
-        session: The session of the batch.
-        out_of_memory: Workers, with the numbers of their processes, that Dask ended since they took too much memory.
+    ``out_of_memory`` are workers, with the numbers of their processes, that Dask ended since they took too much memory.
     """
     if isinstance(error, TaskError):
         task, kind, message = error.task, error.kind, error.message
@@ -236,10 +227,6 @@ def _repeat_command(folder: Path, run: PlannedRun, task: str) -> str:
 
 
 def log_tail(folder: Path, result: Mapping[str, Any], lines: int = 40) -> str:
-    """Return the end of the log of a run that failed.
-
-    Raises:
-        BatchError: The log is no regular file, or too long.
-    """
+    """Return the end of the log of a run that failed."""
     text = read_bytes(folder, result["log"]).decode("utf-8", "replace") if result.get("log") else ""
     return "\n".join([line for line in text.splitlines() if not line.startswith('{"')][-lines:])

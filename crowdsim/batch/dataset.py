@@ -22,18 +22,12 @@ _TEXT = ("run", "scenario", "state", "folder", "task", "cause", "message", "log"
 
 
 def open_batch(folder: FileName, variables: Sequence[str] = ()) -> Dataset:
-    """Return all runs of a batch as one dataset.
+    """Return all runs of a batch as one dataset, with the columns of ``report/summary.csv`` by name.
 
     Dimensions are ``scenario``, where there are several, and the first key of every axis of the batch; keys that change
-    with it are coordinates along it. What was excluded, failed or is not done is NaN, or an empty text.
-
-    Args:
-        folder: Folder of the batch.
-        variables: Variables of the takes to be added, such as ``x`` and ``z``. They have the dimensions ``frame`` and
-            ``avatar`` behind the others, as long as the longest and largest run, NaN beyond the end of the others.
-
-    Returns:
-        Figures of the runs, as the columns of ``report/summary.csv``, by name.
+    with it are coordinates along it. What was excluded, failed or is not done is NaN, or an empty text. Variables of
+    takes, such as ``x`` and ``z``, have the dimensions ``frame`` and ``avatar`` behind the others, as long as the
+    longest and largest run, NaN beyond the end of the others.
 
     Raises:
         BatchError: There is no batch, it is damaged, or a variable is unknown.

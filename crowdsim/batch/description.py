@@ -123,11 +123,7 @@ class Batch(StrictModel):
         return self._document.place(finding)
 
     def find_scenario(self, name: str) -> Path:
-        """Return the file of one of the scenarios.
-
-        Raises:
-            ScenarioError: There is none.
-        """
+        """Return the file of one of the scenarios."""
         beside = self._folder / name
         return beside if beside.is_file() else assets.find_scenario(name)
 

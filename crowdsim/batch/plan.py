@@ -244,12 +244,7 @@ def _blame(batch: Batch, one: Combination, error: CrowdsimError) -> Iterator[Fin
 
 
 def make_plan(batch: Batch, runs: Mapping[str, Resolved], combinations: Iterable[tuple[Combination, str]]) -> Plan:
-    """Return the plan of a batch whose runs are resolved.
-
-    Raises:
-        RecipeError: The recipe of a policy is invalid.
-        PolicyError: A bundle is damaged.
-    """
+    """Return the plan of a batch whose runs are resolved."""
     from crowdsim.crowd.obstacles import pack_obstacles
     from crowdsim.preparation.validation import control_rate
 
@@ -278,11 +273,7 @@ def estimate(size: Extent, outputs: Outputs) -> Estimate:
 
 
 def check_disk(folder: Path, estimates: Iterable[Estimate]) -> None:
-    """Refuse runs for which the disk has no room.
-
-    Raises:
-        BatchError: It has not.
-    """
+    """Raise a ``BatchError`` if the disk has no room for runs."""
     needed = sum(one.bytes for one in estimates)
     existing = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
     free = shutil.disk_usage(existing).free
@@ -292,12 +283,7 @@ def check_disk(folder: Path, estimates: Iterable[Estimate]) -> None:
 
 
 def write_frozen(folder: Path, resolved: Resolved) -> Path:
-    """Write a resolved scenario, with the files that it reads beside it, into a folder of its own; return its path.
-
-    Raises:
-        BatchError: Something else than a file is in its place.
-        OutputError: It cannot be written.
-    """
+    """Write a resolved scenario, with the files that it reads beside it, into a folder of its own; return its path."""
     place = folder / resolved.id
     if read_bytes(place, RESOLVED) != resolved.text.encode("utf-8"):
         make_folder(place)
@@ -308,12 +294,7 @@ def write_frozen(folder: Path, resolved: Resolved) -> Path:
 
 
 def write_plan(folder: Path, plan: Plan) -> None:
-    """Write a plan into the folder of its batch.
-
-    Raises:
-        BatchError: It is too long to be read again.
-        OutputError: It cannot be written.
-    """
+    """Write a plan into the folder of its batch."""
     alike: dict[str, dict[str, Any]] = {}
     for run in plan.runs.values():
         facts = {key: getattr(run, key) for key in _ALIKE}

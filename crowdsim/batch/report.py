@@ -55,9 +55,6 @@ def read_table(folder: Path, plan: Plan) -> DataFrame:
         (``done``, ``failed`` or ``missing``), ``folder``, ``avatars``, ``control_frames``, then of runs that are done
         their statistics, the time of each stage as ``seconds.STAGE`` [s], ``peak_memory_bytes``, ``bytes`` and
         ``files``, and of those that failed ``task``, ``cause``, ``message``, ``attempts``, ``log`` and ``command``.
-
-    Raises:
-        BatchError: What came of a run is damaged.
     """
     from pandas import DataFrame
 
@@ -99,11 +96,7 @@ def plain_value(value: Any) -> Any:
 
 
 def write_table(table: DataFrame, path: Path) -> None:
-    """Write a table as CSV, and as Parquet beside it where pyarrow is installed.
-
-    Raises:
-        OutputError: It cannot be written.
-    """
+    """Write a table as CSV, and as Parquet beside it where pyarrow is installed."""
     write_text(path, table.map(_harmless).rename(columns=_harmless).to_csv(index=False))
     if find_spec("pyarrow") is not None:
         mixed = [name for name in table.columns if table[name].map(type).nunique() > 1 and table[name].dtype == object]
@@ -129,12 +122,7 @@ def pick_thumbnails(plan: Plan) -> list[str]:
 
 
 def write_report(folder: Path, plan: Plan) -> Path:
-    """Write ``report/index.html``, ``summary.csv`` and ``summary.parquet``; return the page.
-
-    Raises:
-        BatchError: What came of a run is damaged.
-        OutputError: A file cannot be written.
-    """
+    """Write ``report/index.html``, ``summary.csv`` and ``summary.parquet``; return the page."""
     from jinja2 import Environment, PackageLoader
 
     table = read_table(folder, plan)

@@ -83,12 +83,7 @@ class _News(DocumentModel):
 
 
 def collect(folder: Path, take: Take, mark: str) -> dict[str, Any]:
-    """Return what a finished run amounts to, with the checksum ``mark`` of its outputs.
-
-    Raises:
-        TakeError: The manifest is missing or damaged.
-        OSError: A file cannot be looked at.
-    """
+    """Return what a finished run amounts to, with the checksum ``mark`` of its outputs."""
     from crowdsim.take.measures import measure_fights
 
     manifest = read_manifest(folder, ("statistics", "seconds", "peak_memory_bytes"))
@@ -105,30 +100,18 @@ def collect(folder: Path, take: Take, mark: str) -> dict[str, Any]:
 
 
 def write_result(folder: Path, id: str, result: Mapping[str, Any]) -> None:
-    """Write what came of a run into the folder of its batch.
-
-    Raises:
-        OutputError: It cannot be written.
-    """
+    """Write what came of a run into the folder of its batch."""
     make_folder(folder / RESULTS)
     write_text(folder / RESULTS / f"{id}.json", json.dumps(result, indent=1) + "\n")
 
 
 def read_result(folder: Path, id: str) -> dict[str, Any]:
-    """Return what came of a run; nothing where that is not known.
-
-    Raises:
-        BatchError: The file is damaged.
-    """
+    """Return what came of a run; nothing where that is not known."""
     return read_document(folder, f"{RESULTS}/{id}.json", _Result)
 
 
 def is_done(folder: Path, run: PlannedRun, result: Mapping[str, Any] | None = None) -> bool:
-    """Whether a run is finished, with the outputs that are planned.
-
-    Raises:
-        BatchError: The file that says so is damaged.
-    """
+    """Whether a run is finished, with the outputs that are planned."""
     result = read_result(folder, run.id) if result is None else result
     is_same = result.get("state") == "done" and result.get("outputs") == run.mark
     return is_same and exists_plain(folder, f"{run.folder}/{MANIFEST}")
@@ -199,11 +182,7 @@ class Progress:
 
 
 def read_progress(folder: Path) -> dict[str, Any]:
-    """Return how far a batch was when it last reported; nothing where that is not known.
-
-    Raises:
-        BatchError: The file is damaged.
-    """
+    """Return how far a batch was when it last reported; nothing where that is not known."""
     return read_document(folder, PROGRESS, _News)
 
 

@@ -90,11 +90,7 @@ class BatchOptions:
 
 
 def require_dask(options: BatchOptions) -> None:
-    """Raise where a package is missing that a batch needs.
-
-    Raises:
-        BatchError: It is.
-    """
+    """Raise a ``BatchError`` if a package is missing that a batch needs."""
     more = {"cryptography": options.scheduler is None, "bokeh": options.dashboard}
     for package in ("distributed", "jinja2", *(name for name, is_needed in more.items() if is_needed)):
         if find_spec(package) is None:
@@ -136,11 +132,7 @@ def find_certificates(options: BatchOptions) -> Security | None:
 
 @contextmanager
 def connect(options: BatchOptions, security: Security | None) -> Iterator[Client]:
-    """Give a client of the scheduler that does the work.
-
-    Args:
-        options: Address of the scheduler; without one, workers of this machine are started and ended here.
-        security: Certificates, see ``find_certificates``.
+    """Give a client of the scheduler that does the work; without one, workers of this machine do it, and end here.
 
     Raises:
         BatchError: The scheduler does not answer, or workers do not start.
@@ -293,11 +285,7 @@ def describe_environment() -> dict[str, Any]:
 
 
 def place_token(folder: Path) -> str:
-    """Write what a worker must find in the folder of a batch, and return it.
-
-    Raises:
-        OutputError: The folder cannot be written.
-    """
+    """Write what a worker must find in the folder of a batch, and return it."""
     token = uuid.uuid4().hex
     write_text(folder / TOKEN, token)
     return token

@@ -75,9 +75,11 @@ def to_clip(bvh: Bvh, unit_scale: float = 1.0, up_axis: str = "y") -> Clip:
             "is long"
         )
 
-    offsets = rotate_up(bvh.offsets[:joints] * unit_scale, up_axis)
-    rotations = _read_rotations(bvh, joints, up_axis)
-    moves = _read_positions(bvh, joints, unit_scale, up_axis)
+    offsets = np.array(bvh.offsets[:joints], float)
+    rotations = np.empty((frames, joints, 4))
+    columns, axes, first = _rotation_channels(bvh, joints)
+    channels_to_quaternions(np.ascontiguousarray(bvh.motion, float), first, columns, axes, rotations)
+    moves = _read_positions(bvh, joints)
     roots_at = moves.pop(0, np.repeat(offsets[:1], frames, axis=0))
     _settle(moves, offsets)
     translations = None
@@ -92,21 +94,34 @@ def to_clip(bvh: Bvh, unit_scale: float = 1.0, up_axis: str = "y") -> Clip:
         parents=np.ascontiguousarray(bvh.parents[:joints], np.int32),
         offsets=offsets,
         end_parents=np.ascontiguousarray(bvh.end_parents[ends], np.int32),
-        end_offsets=rotate_up(bvh.end_offsets[ends] * unit_scale, up_axis),
+        end_offsets=np.array(bvh.end_offsets[ends], float),
     )
-    return Clip(
-        name=Path(bvh.path).stem,
-        skeleton=skeleton,
-        fps=bvh.fps,
-        root_positions=roots_at,
+    clip = Clip(Path(bvh.path).stem, skeleton, bvh.fps, roots_at, rotations, translations, source=bvh.path)
+    return in_metres(clip, unit_scale, up_axis)
+
+
+def in_metres(clip: Clip, unit_scale: float, up_axis: str) -> Clip:
+    """Return a clip in file units with the file's axes in metres, y up."""
+    if unit_scale == 1.0 and up_axis == "y":
+        return clip
+
+    def move(positions: Array) -> Array:
+        return rotate_up(positions * unit_scale, up_axis) if up_axis != "y" else positions * unit_scale
+
+    rotations, skeleton = clip.rotations, clip.skeleton
+    if up_axis != "y":
+        rotations = np.concatenate([rotations[..., :1], rotate_up(rotations[..., 1:], up_axis)], axis=-1)
+    return replace(
+        clip,
+        skeleton=replace(skeleton, offsets=move(skeleton.offsets), end_offsets=move(skeleton.end_offsets)),
+        root_positions=move(clip.root_positions),
         rotations=rotations,
-        translations=translations,
-        source=bvh.path,
+        translations=None if clip.translations is None else move(clip.translations),
     )
 
 
-def _read_rotations(bvh: Bvh, joints: int, up_axis: str) -> Array:
-    """Return local rotations (F, J, 4), y up."""
+def _rotation_channels(bvh: Bvh, joints: int) -> tuple[Array, Array, Array]:
+    """Return columns and axes of rotation channels, and where each joint's begin. All int64."""
     starts = bvh.first_channels()
     columns, axes, first = [], [], [0]
     for joint in range(joints):
@@ -115,30 +130,19 @@ def _read_rotations(bvh: Bvh, joints: int, up_axis: str) -> Array:
                 columns.append(int(starts[joint]) + place)
                 axes.append(AXIS[name[0]])
         first.append(len(columns))
-    rotations = np.empty((bvh.frame_count, joints, 4))
-    channels_to_quaternions(
-        np.ascontiguousarray(bvh.motion, float),
-        np.array(first, np.int64),
-        np.array(columns, np.int64),
-        np.array(axes, np.int64),
-        rotations,
-    )
-    if up_axis != "y":
-        rotations[..., 1:] = rotate_up(rotations[..., 1:], up_axis)
-    return rotations
+    return np.array(columns, np.int64), np.array(axes, np.int64), np.array(first, np.int64)
 
 
-def _read_positions(bvh: Bvh, joints: int, unit_scale: float, up_axis: str) -> dict[int, Array]:
-    """Return positions (F, 3) [m] of the joints that have position channels, y up."""
+def _read_positions(bvh: Bvh, joints: int) -> dict[int, Array]:
+    """Return positions (F, 3) of the joints that have position channels, in file units."""
     starts = bvh.first_channels()
     moves = {}
     for joint in range(joints):
         own = [(place, AXIS[name[0]]) for place, name in enumerate(bvh.channels[joint]) if name.endswith("position")]
         if own:
-            positions = np.repeat(bvh.offsets[joint : joint + 1], bvh.frame_count, axis=0)
+            moves[joint] = np.repeat(bvh.offsets[joint : joint + 1], bvh.frame_count, axis=0)
             for place, axis in own:
-                positions[:, axis] = bvh.motion[:, int(starts[joint]) + place]
-            moves[joint] = rotate_up(positions * unit_scale, up_axis)
+                moves[joint][:, axis] = bvh.motion[:, int(starts[joint]) + place]
     return moves
 
 

@@ -29,9 +29,9 @@ def read_number(token: bytes) -> float | None:
     return math.nan
 
 
-def show(token: bytes, encoding: str = "latin-1") -> str:
+def show(token: bytes) -> str:
     """Return a token for a message: quoted, and shortened when it is long."""
-    text = token[:200].decode(encoding, "replace")
+    text = token[:200].decode("latin-1")
     return repr(text if len(text) <= 40 else text[:37] + "...")
 
 

@@ -117,11 +117,7 @@ def _blocks(bvh: Bvh, decimals: int) -> Iterator[bytes | bytearray]:
 
 
 def write_bvh(
-    path: FileName,
-    motion: Bvh | Clip,
-    order: str | Sequence[str] = "ZXY",
-    unit_scale: float = 0.01,
-    decimals: int = 6,
+    path: FileName, motion: Bvh | Clip, order: str | Sequence[str] = "ZXY", unit_scale: float = 0.01, decimals: int = 6
 ) -> None:
     """Write a file in one go, under a temporary name that is renamed when it is complete.
 
@@ -277,11 +273,7 @@ def _plain(vector: Array) -> str:
 
 
 def _writable(name: str) -> str:
-    """Return a name that reads back as itself.
-
-    Raises:
-        BvhError: It does not: it is empty, breaks the line, or has blanks at its ends or before a brace.
-    """
+    """Return a name if it reads back as itself; not if it is empty, breaks the line, or has blanks at its ends."""
     try:
         text = name.encode()
         if text and Scanner(text + b"\n{", "").name() == text:

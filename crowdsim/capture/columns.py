@@ -24,11 +24,6 @@ def position_columns(bvh: Bvh, joint: int) -> Array:
     return result
 
 
-def with_motion(bvh: Bvh, motion: Array, **changes: object) -> Bvh:
-    """Return the file with other numbers in its rows."""
-    return replace(bvh, motion=motion, **changes)  # type: ignore[arg-type]
-
-
 def path_of(bvh: Bvh, joint: int) -> Array:
     """Return the positions of a joint against its parent, in file units. Shape (F, 3)."""
     columns = position_columns(bvh, joint)
@@ -42,7 +37,7 @@ def with_path(bvh: Bvh, joint: int, path: Array) -> Bvh:
     columns = position_columns(bvh, joint)
     motion = bvh.motion.copy()
     motion[:, columns[columns >= 0]] = path[:, columns >= 0]
-    return with_motion(bvh, motion)
+    return replace(bvh, motion=motion)
 
 
 def _columns(bvh: Bvh, kind: str) -> tuple[Array, Array, Array]:

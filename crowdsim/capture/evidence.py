@@ -6,7 +6,7 @@ Lengths are those of a body of ``HEIGHT``, so that nothing depends on the unit o
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -104,21 +104,23 @@ class Evidence:
         return self._velocity(self.root)
 
     @cached_property
+    def _pushes(self) -> Array:
+        """Velocity that the pelvis would have if each foot stood still. Shape (N, 2, 3)."""
+        legs = self.root[:, None] - self.soles
+        return np.stack([self._velocity(legs[:, side]) for side in range(2)], axis=1)
+
+    @cached_property
     def push(self) -> Array:
         """Velocity that the pelvis would have if the lower foot stood still. Shape (N, 3)."""
-        legs = self.root[:, None] - self.soles
-        velocities = np.stack([self._velocity(legs[:, side]) for side in range(2)], axis=1)
-        return np.asarray(velocities[np.arange(len(velocities)), self.lowest])
+        return np.asarray(self._pushes[np.arange(len(self._pushes)), self.lowest])
 
     @cached_property
     def bearing(self) -> Array:
         """As ``push``, of the slower foot of those near the floor, over the time of a step. Shape (N, 3)."""
-        legs = self.root[:, None] - self.soles
-        velocities = np.stack([self._velocity(legs[:, side]) for side in range(2)], axis=1)
         heights = self.soles[..., 1]
         near = heights < heights.min(axis=1, keepdims=True) + 0.05
-        slower = np.where(near, np.linalg.norm(velocities, axis=-1), np.inf).argmin(axis=1)
-        return self._smooth(velocities[np.arange(len(slower)), slower], _STEP)
+        slower = np.where(near, np.linalg.norm(self._pushes, axis=-1), np.inf).argmin(axis=1)
+        return self._smooth(self._pushes[np.arange(len(slower)), slower], _STEP)
 
     @cached_property
     def travel(self) -> Array:
@@ -246,11 +248,7 @@ def gather_evidence(clip: Clip, body: Body, lost: Array | None = None, whole: bo
     frames = np.arange(clip.frame_count) if whole else _looked_at(clip.frame_count)
     if lost is not None and not lost.all():
         frames = frames[~lost[frames]]
-    moved = None if clip.translations is None else clip.translations[frames]
-    part = Clip(
-        clip.name, clip.skeleton, clip.fps, clip.root_positions[frames], clip.rotations[frames], moved, clip.source
-    )
-    positions, rotations = clip_kinematics(part)
+    positions, rotations = clip_kinematics(picked(clip, frames))
     size = body.height / HEIGHT
     return Evidence(
         fps=clip.fps,
@@ -260,6 +258,17 @@ def gather_evidence(clip: Clip, body: Body, lost: Array | None = None, whole: bo
         size=size,
         frames=frames,
         toes=_toes(clip, body, positions, rotations),
+    )
+
+
+def picked(clip: Clip, frames: Array) -> Clip:
+    """Return some frames of a clip, by their numbers or as a mask."""
+    moved = clip.translations
+    return replace(
+        clip,
+        root_positions=clip.root_positions[frames],
+        rotations=clip.rotations[frames],
+        translations=None if moved is None else moved[frames],
     )
 
 

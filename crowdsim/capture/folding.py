@@ -12,13 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from crowdsim.capture.evidence import SIDES, unit
 from crowdsim.core.types import Array
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.measuring import rests_like_a_body
 from crowdsim.motion.skeleton import Clip, Skeleton
 
-SIDES = ("left", "right")
 _BENT = np.sin(np.deg2rad(20.0))
 """Sine of the flexion from which on the axis of an elbow can be measured."""
 _LEAST = 0.3
@@ -41,36 +41,30 @@ def backward_elbows(clip: Clip, roles: Mapping[str, int]) -> tuple[str, ...]:
     rest = clip.skeleton.rest_positions()
     # Some files rotate the world and not the rest pose: the body itself shows which direction is up.
     hips = [rest[roles[f"{side}_hip"]] for side in SIDES]
-    up = _unit(rest[roles["head"]] - 0.5 * (hips[0] + hips[1]))
-    forward = _unit(np.cross(hips[0] - hips[1], up))
+    up = unit(rest[roles["head"]] - 0.5 * (hips[0] + hips[1]))
+    forward = unit(np.cross(hips[0] - hips[1], up))
     positions, world_rotations = clip_kinematics(clip)
     found = []
     for side in SIDES:
         shoulder, elbow, hand = (roles[f"{side}_{role}"] for role in ("shoulder", "elbow", "hand"))
-        upper, lower = (_unit(positions[:, b] - positions[:, a]) for a, b in ((shoulder, elbow), (elbow, hand)))
+        upper, lower = (unit(positions[:, b] - positions[:, a]) for a, b in ((shoulder, elbow), (elbow, hand)))
         axes = np.cross(upper, lower)
         bent = np.linalg.norm(axes, axis=1) > _BENT
         if np.count_nonzero(bent) < _LEAST * clip.fps:
             continue
         back = quaternion.conjugate(world_rotations[bent, clip.skeleton.parents[elbow]])
-        axis = _unit(quaternion.rotate(back, axes[bent])).mean(axis=0)
+        axis = unit(quaternion.rotate(back, axes[bent])).mean(axis=0)
         along = _along(clip.skeleton, shoulder, elbow)
         # Forward and up, as far as they are square to the arm.
         ahead = forward + up
-        ahead = _unit(ahead - np.dot(ahead, along) * along)
-        if np.linalg.norm(axis) > _ONE_AXIS and np.dot(_unit(np.cross(axis, along)), ahead) < -_BACKWARD:
+        ahead = unit(ahead - np.dot(ahead, along) * along)
+        if np.linalg.norm(axis) > _ONE_AXIS and np.dot(unit(np.cross(axis, along)), ahead) < -_BACKWARD:
             found.append(f"{side}_elbow")
     return tuple(found)
 
 
 def fold_forward(clip: Clip, roles: Mapping[str, int], elbows: Sequence[str]) -> Clip:
-    """Return the clip with some elbows flexed in the opposite sense by as much; forearms keep their twist.
-
-    Args:
-        clip: The clip.
-        roles: Its joints by role.
-        elbows: Roles of the elbows to correct.
-    """
+    """Return the clip with the elbows of some roles flexed in the opposite sense by as much; forearms keep twist."""
     rotations = np.array(clip.rotations)
     for role in elbows:
         along = _along(clip.skeleton, roles[role.replace("elbow", "shoulder")], roles[role])
@@ -83,8 +77,4 @@ def fold_forward(clip: Clip, roles: Mapping[str, int], elbows: Sequence[str]) ->
 def _along(skeleton: Skeleton, start: int, end: int) -> Array:
     """Direction between two joints in the rest pose."""
     rest = skeleton.rest_positions()
-    return _unit(rest[end] - rest[start])
-
-
-def _unit(vectors: Array) -> Array:
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12))
+    return unit(rest[end] - rest[start])

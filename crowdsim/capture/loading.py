@@ -15,7 +15,7 @@ from crowdsim.bvh.file import Bvh
 from crowdsim.bvh.people import read_people
 from crowdsim.capture import units
 from crowdsim.capture.faults import FAULTS, Choice
-from crowdsim.capture.outcomes import Outcome, decide
+from crowdsim.capture.faults.diagnosis import Outcome, decide
 from crowdsim.capture.reading import Reading
 from crowdsim.core.types import FileName
 from crowdsim.errors import MotionError, nearest

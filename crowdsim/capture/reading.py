@@ -11,12 +11,12 @@ from functools import cached_property
 
 import numpy as np
 
-from crowdsim.bvh.file import FARTHEST
-from crowdsim.bvh.io import Bvh, rotate_up, to_clip
+from crowdsim.bvh.clip import in_metres, rotate_up, to_clip
+from crowdsim.bvh.file import FARTHEST, Bvh
 from crowdsim.bvh.people import split_person
 from crowdsim.capture import units
 from crowdsim.capture.columns import path_of, with_path
-from crowdsim.capture.evidence import Evidence, gather_evidence
+from crowdsim.capture.evidence import Evidence, gather_evidence, picked
 from crowdsim.capture.folding import fold_forward
 from crowdsim.core.types import Array
 from crowdsim.motion import quaternion
@@ -61,7 +61,7 @@ class Reading:
     @cached_property
     def samples(self) -> tuple[Array, Array]:
         """Joints of a few frames that are not lost, in file units with the file's axes: (n, J, 3) and (n, J, 4)."""
-        return sample_poses(self.raw if self.lost is None else _picked(self.raw, ~self.lost))
+        return sample_poses(self.raw if self.lost is None else picked(self.raw, ~self.lost))
 
     @property
     def poses(self) -> Array:
@@ -124,7 +124,7 @@ class Reading:
     @cached_property
     def clip(self) -> Clip:
         """The motion, y up, in metres where the scale is known and in file units where it is not."""
-        clip = _in_metres(self.raw, self.scale or 1.0, self.up_axis or "y")
+        clip = in_metres(self.raw, self.scale or 1.0, self.up_axis or "y")
         if self.tilt is not None:
             clip = _rotated(clip, self.tilt)
         if self.folded:
@@ -141,7 +141,7 @@ class Reading:
         """The human body on the skeleton; None when there is none, or no scale for it."""
         if not self.roles or self.scale is None:
             return None
-        return measure_body(self.clip if self.lost is None else _picked(self.clip, ~self.lost), self.roles)
+        return measure_body(self.clip if self.lost is None else picked(self.clip, ~self.lost), self.roles)
 
     @cached_property
     def evidence(self) -> Evidence | None:
@@ -149,16 +149,6 @@ class Reading:
         if self.body is None or not self.finite or self.clip.frame_count < 2:
             return None
         return gather_evidence(self.clip, self.body, self.lost)
-
-
-def _picked(clip: Clip, frames: Array) -> Clip:
-    moved = clip.translations
-    return replace(
-        clip,
-        root_positions=clip.root_positions[frames],
-        rotations=clip.rotations[frames],
-        translations=None if moved is None else moved[frames],
-    )
 
 
 def _find_up_axis(skeleton: Skeleton, roles: dict[str, int], poses: Array) -> str | None:
@@ -175,28 +165,6 @@ def _find_up_axis(skeleton: Skeleton, roles: dict[str, int], poses: Array) -> st
     axis = units.find_up_axis(None, group, tops, tips)
     # Files of other than humans have y or z up; limbs that point elsewhere are no legs.
     return axis if axis in (None, "y", "z") else units.find_up_axis(None, group, [], [])
-
-
-def _in_metres(clip: Clip, scale: float, up_axis: str) -> Clip:
-    """The clip in metres and y up, as ``to_clip`` with this scale and axis makes it."""
-    if scale == 1.0 and up_axis == "y":
-        return clip
-    rotated = up_axis != "y"
-
-    def move(positions: Array) -> Array:
-        return np.asarray(rotate_up(positions * scale, up_axis) if rotated else positions * scale)
-
-    rotations = clip.rotations
-    if rotated:
-        rotations = np.concatenate([rotations[..., :1], rotate_up(rotations[..., 1:], up_axis)], axis=-1)
-    skeleton = replace(clip.skeleton, offsets=move(clip.skeleton.offsets), end_offsets=move(clip.skeleton.end_offsets))
-    return replace(
-        clip,
-        skeleton=skeleton,
-        root_positions=move(clip.root_positions),
-        rotations=rotations,
-        translations=None if clip.translations is None else move(clip.translations),
-    )
 
 
 def _bridged(clip: Clip, lost: Array) -> Clip:

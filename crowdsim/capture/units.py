@@ -119,11 +119,7 @@ def _unrest(poses: Array, axis: str) -> float:
 
 
 def parse_up_axis(axis: str) -> str:
-    """Return the axis if it is one.
-
-    Raises:
-        MotionError: It is none.
-    """
+    """Return the axis if it is one; a ``MotionError`` otherwise."""
     if axis not in _AXES:
         raise MotionError(f"up axis {axis!r} is unknown{nearest(axis, _AXES)}; expected {', '.join(_AXES)}")
     return axis

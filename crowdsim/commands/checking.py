@@ -69,7 +69,7 @@ def schema(
     """Print the JSON Schema of scenario, recipe or batch files, for editors."""
     from crowdsim.batch.description import batch_schema
     from crowdsim.scenario.scenario import scenario_schema
-    from crowdsim.training.recipe_reference import recipe_schema
+    from crowdsim.training.recipe import recipe_schema
 
     write = {Kind.SCENARIO: scenario_schema, Kind.RECIPE: recipe_schema, Kind.BATCH: batch_schema}[kind]
     print(write(), end="")

@@ -8,9 +8,12 @@ such as names that refer to nothing; it is called only when validation fails.
 
 from __future__ import annotations
 
+import gc
 import json
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from enum import Enum
 from functools import lru_cache
@@ -20,12 +23,10 @@ import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, ValidationError
 
-from crowdsim.config.collection import collection_paused
-from crowdsim.config.findings import Fault, Faults, refused_nulls, show, translate
+from crowdsim.config.findings import Fault, Faults, holds, refused_nulls, show, translate, unknown_key
 from crowdsim.config.nodes import MAXIMUM_BYTES, MAXIMUM_DEPTH, TOO_DEEP
-from crowdsim.config.overrides import override
-from crowdsim.config.schema import Part, join, schema_of
-from crowdsim.config.tree import MOST_FINDINGS, Document, Finding, Loc, read_document, scalar
+from crowdsim.config.schema import Part, chosen, join, keys, schema_of, step, words
+from crowdsim.config.tree import MOST_FINDINGS, Document, Finding, Loc, key_path, read_document, scalar
 from crowdsim.core.types import FileName
 from crowdsim.errors import CrowdsimError
 
@@ -44,6 +45,21 @@ __all__ = [
 ]
 
 Model = TypeVar("Model", bound=BaseModel)
+
+
+@contextmanager
+def collection_paused() -> Iterator[None]:
+    """Pause the search for cyclic garbage, which takes half of the time in which a long file is read.
+
+    Each search goes through all objects that there are, and reading makes hundreds of thousands.
+    """
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
 
 
 class StrictModel(BaseModel):
@@ -115,18 +131,14 @@ def load_data(
     return _sound(*_validate(document, model, overrides, context), error)
 
 
-def validate(
-    document: Document, model: type[Model], error: type[CrowdsimError], context: dict[str, Any] | None = None
-) -> Model:
+def validate(document: Document, model: type[Model], error: type[CrowdsimError]) -> Model:
     """Return the model that a document describes; arguments and errors as of :func:`load_model`."""
-    return _sound(*_validate(document, model, (), context), error)
+    return _sound(*_validate(document, model), error)
 
 
-def find_faults(
-    path: FileName, model: type[BaseModel], overrides: Sequence[str] = (), context: dict[str, Any] | None = None
-) -> list[Finding]:
+def find_faults(path: FileName, model: type[BaseModel], overrides: Sequence[str] = ()) -> list[Finding]:
     """Return everything that is wrong with a YAML file, in the order of its lines; an empty list when nothing is."""
-    return _read(path, model, overrides, context)[1]
+    return _read(path, model, overrides)[1]
 
 
 @collection_paused()
@@ -198,7 +210,7 @@ _read_document = lru_cache(maxsize=4)(read_document)
 
 @collection_paused()
 def _read(
-    path: FileName, model: type[Model], overrides: Sequence[str], context: dict[str, Any] | None
+    path: FileName, model: type[Model], overrides: Sequence[str], context: dict[str, Any] | None = None
 ) -> tuple[Model | None, list[Finding]]:
     return _validate(_document(path, bool(overrides)), model, overrides, context)
 
@@ -212,7 +224,7 @@ def _sound(value: Model | None, findings: list[Finding], error: type[CrowdsimErr
 
 
 def _validate(
-    document: Document, model: type[Model], overrides: Sequence[str], context: dict[str, Any] | None
+    document: Document, model: type[Model], overrides: Sequence[str] = (), context: dict[str, Any] | None = None
 ) -> tuple[Model | None, list[Finding]]:
     # The schema takes a tenth of a second to make, so it is made only where there is a finding.
     value, findings = None, list(document.findings)
@@ -251,3 +263,53 @@ def _cut(found: list[Finding]) -> list[Finding]:
     if len(found) <= MOST_FINDINGS:
         return found
     return [*found[:MOST_FINDINGS], replace(found[MOST_FINDINGS], loc=(), of_key=None, message="more is wrong here")]
+
+
+def override(document: Document, text: str, top: Part) -> list[Finding]:
+    """Lay one ``KEY=VALUE`` over the data of a file; return what is wrong with it, not placed.
+
+    Where text is expected, the value is text, be it a number or what looks like a comment, such as a colour.
+    """
+    key, equals, written = text.partition("=")
+    if not equals or not re.fullmatch(r"[^.\[\]]+(\.[^.\[\]]+|\[\d+\])*", key):
+        return [Finding((), "is no override, expected KEY=VALUE, such as seed=3 or groups[0].count=12")]
+    value: Any = document.data
+    expected = top
+    loc: Loc = ()
+    chain: list[tuple[Any, Any]] = []
+    for part in re.findall(r"[^.\[\]]+", key):
+        member = chosen(expected, value if isinstance(value, dict) else {})
+        known = keys(member)
+        # A value that is no mapping is replaced where its key may hold one: seconds for a number of frames.
+        if value is None or (not isinstance(value, dict) and member is not expected and part in known):
+            value = [] if member.get("type") == "array" else {}
+        if isinstance(value, list) and not (part.isdigit() and int(part) < len(value)):
+            some = f"an index from 0 to {len(value) - 1}" if value else "none: the list is empty"
+            return [Finding(loc, f"there is no item {part}, expected {some}")]
+        if not isinstance(value, list | dict):
+            return [Finding((*loc, part), f"{key_path(loc)} {show(value)}, expected a mapping")]
+        if isinstance(value, dict) and known and part not in known:
+            return [unknown_key((*loc, part), member)]
+        at = int(part) if isinstance(value, list) else part
+        chain.append((value, at))
+        loc, expected, value = (*loc, at), step(member, at), value[at] if holds(value, at) else None
+    given = read_document(written.encode("utf-8", "replace"), "")
+    if not given.marks and given.findings:
+        given.unreadable.add(())  # it is no YAML
+    elif expected.get("type") == "string" and not words(expected) and not isinstance(given.data, str | dict | list):
+        given = given if scalar(written.strip()) is None else Document("", written.strip())
+    value = given.data
+    for container, at in reversed(chain):
+        container[at] = value
+        value = container
+    mark = (f"--set {text}", 0, 0)
+    document.marks = {other: mark for other, mark in document.marks.items() if other[: len(loc)] != loc}
+    for end in range(1, len(loc) + 1):
+        document.marks.setdefault(loc[:end], (mark, mark))
+    document.unreadable = {other for other in document.unreadable if other[: len(loc)] != loc}
+    document.nulls = {other: what for other, what in document.nulls.items() if other[: len(loc)] != loc}
+    document.nulls |= {(*loc, *inner): what for inner, what in given.nulls.items()}
+    if given.data is None and not given.findings and not written.strip():
+        document.nulls[loc] = "is empty"
+    document.unreadable |= {(*loc, *inner) for inner in given.unreadable}
+    return [Finding((*loc, *finding.loc), finding.message) for finding in given.findings]

@@ -9,12 +9,7 @@ _NO_LIMIT = 100_000  # bounds as wide as this only keep numbers sane and are not
 
 
 def reference_page(schema: dict[str, Any], head: str) -> str:
-    """Return a page of every key of a file with its type, its default and its meaning.
-
-    Args:
-        schema: JSON Schema of the file, whose title names its model.
-        head: What the page begins with.
-    """
+    """Return a page of every key of a file with type, default and meaning, by the file's JSON Schema, behind a head."""
     root = str(schema["title"])
     definitions: dict[str, Any] = {**schema.get("$defs", {}), root: schema}
     order = [root]

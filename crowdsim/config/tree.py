@@ -161,11 +161,7 @@ def read_document(data: bytes, source: str) -> Document:
 
 
 def _decode(data: bytes) -> str:
-    """Return the text of a file's bytes.
-
-    Raises:
-        Refused: There are too many, or one is no text in UTF-8 that YAML allows.
-    """
+    """Return the text of a file's bytes."""
     if len(data) > MAXIMUM_BYTES:
         raise Refused(1, 1, f"the file is too large, expected at most {MAXIMUM_BYTES:,} bytes")
     text = data.decode("utf-8-sig", "surrogateescape")
@@ -274,11 +270,7 @@ class _Builder:
             raise Refused(node.line, node.column, TOO_DEEP)
 
     def note(self, node: Node, loc: Loc, message: str) -> None:
-        """Note what is wrong with a node.
-
-        Raises:
-            Enough: It is one of too many.
-        """
+        """Note what is wrong with a node."""
         self.document.findings.append(Finding(loc, message, None, self.document.source, node.line, node.column))
         if len(self.document.findings) > MOST_FINDINGS:
             raise Enough

@@ -27,15 +27,9 @@ _CHUNK = 4096
 
 
 def frame_features(database: MotionDatabase, settings: GraphSettings, progress: Progress | None = None) -> Array:
-    """Return one row for each control frame such that the distance of two rows is the cost between the frames.
+    """Return one row for each control frame such that the distance of two rows is the cost between the frames [m].
 
-    Args:
-        database: The motion, F control frames.
-        settings: Weights of joints and of velocities.
-        progress: Called with ('features', frames done, F).
-
-    Returns:
-        Features [m]. Shape (F, 6 R) for R roles that count: for each its place, then for each its velocity.
+    Shape (F, 6 R) for R roles that count: for each its place, then for each its velocity.
 
     Raises:
         MotionError: No joint counts, or a frame holds a number that is not finite.

@@ -29,12 +29,7 @@ _ELSEWHERE = 1e3
 def build_graph(
     database: MotionDatabase, settings: GraphSettings | None = None, progress: Progress | None = None
 ) -> MotionGraph:
-    """Build the motion graph of a database.
-
-    Args:
-        database: The motion, F control frames.
-        settings: The recipe's ``graph`` section; its defaults when left off.
-        progress: Called with (stage, done, total); stages are 'features', 'transitions' and 'states'.
+    """Build the motion graph of a database by a recipe's section ``graph``, or its defaults.
 
     Raises:
         MotionError: The graph has no cycle, or only one loop without a decision.

@@ -23,17 +23,7 @@ _PIXELS = 1400
 
 
 def plot_graph(database: MotionDatabase, graph: MotionGraph, settings: GraphSettings, folder: Path) -> list[Path]:
-    """Write all pictures of a graph as PNG files and return their paths.
-
-    Args:
-        database: The motion that the graph was built from.
-        graph: The graph; falls are left out.
-        settings: What it was built with.
-        folder: Where to write; made where it is missing.
-
-    Raises:
-        OutputError: The folder or a file cannot be written.
-    """
+    """Write all pictures of a graph, falls left out, as PNG files in a folder and return their paths."""
     graph = graph.without_falls
     figures = {
         "distances.png": distance_figure(database, graph, settings),

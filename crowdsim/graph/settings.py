@@ -57,27 +57,19 @@ class GraphSettings(StrictModel):
         description="Highest cost of a transition [m]; null when it is chosen for a number of actions.",
     )
     actions: int | None = Field(
-        default=None,
-        ge=2,
-        description="Number of actions for which the threshold is chosen; replaces threshold.",
+        default=None, ge=2, description="Number of actions for which the threshold is chosen; replaces threshold."
     )
     branching: int = Field(
-        default=12,
-        ge=1,
-        le=1000,
-        description="Most transitions out of a frame; the cheapest are kept.",
+        default=12, ge=1, le=1000, description="Most transitions out of a frame; the cheapest are kept."
     )
     spacing: NotNegative = Field(
-        default=0.2,
-        description="Least time between decisions of a clip [s]; 0 allows transitions after every frame.",
+        default=0.2, description="Least time between decisions of a clip [s]; 0 allows transitions after every frame."
     )
     velocity_weight: NotNegative = Field(
-        default=0.10,
-        description="Metres that a difference in velocity of 1 m/s counts as [s].",
+        default=0.10, description="Metres that a difference in velocity of 1 m/s counts as [s]."
     )
     near: NotNegative = Field(
-        default=0.3,
-        description="Frames of one clip that lie closer in time than this are no transitions [s].",
+        default=0.3, description="Frames of one clip that lie closer in time than this are no transitions [s]."
     )
     windup: NotNegative = Field(
         default=0.0,

@@ -93,20 +93,14 @@ class MotionGraph:
     def captured_states(self, captured: int) -> int:
         """Return the number of states before their mirror images: that of state s is s + this.
 
-        S where the graph is not its own mirror image.
-
-        Args:
-            captured: Number of captured frames, behind which their mirror images lie.
+        S where the graph is not its own mirror image. Behind the captured frames lie their mirror images.
         """
         return self.state_count // 2 if len(self.action_images(captured)) else self.state_count
 
     def action_images(self, captured: int) -> Array:
         """Return the mirror image of each action of the captured states. Shape (choice_count / 2,), int64.
 
-        Empty where the graph is not its own mirror image.
-
-        Args:
-            captured: Number of captured frames, behind which their mirror images lie.
+        Empty where the graph is not its own mirror image. Behind the captured frames lie their mirror images.
         """
         frames, half, count = len(self.frames_kept), self.state_count // 2, self.choice_count // 2
         first = self.action_first[: self.choice_count]
@@ -117,8 +111,7 @@ class MotionGraph:
             images += np.where(first[:count] < captured, captured, -captured)
             order = np.argsort(pairs, kind="stable")
             if np.array_equal(np.sort(images), pairs[order][count:]):
-                result: Array = order[np.searchsorted(pairs[order], images)]
-                return result
+                return order[np.searchsorted(pairs[order], images)]
         return np.zeros(0, np.int64)
 
 
@@ -193,8 +186,7 @@ def largest_component(transitions: Transitions, clip_starts: Array) -> Array:
     if frames == 0 or sizes.max() < 2:
         return np.zeros(frames, bool)
     earliest = int(np.flatnonzero(sizes[labels] == sizes.max())[0])
-    kept: Array = labels == labels[earliest]
-    return kept
+    return labels == labels[earliest]
 
 
 def _continues(kept: Array, clip_starts: Array) -> Array:

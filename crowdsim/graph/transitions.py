@@ -153,8 +153,7 @@ def decision_frames(transitions: Transitions, worth: Array, clip_starts: Array, 
     frames = int(clip_starts[-1])
     totals = np.bincount(transitions.sources, weights=worth, minlength=frames)
     if spacing <= 1:
-        result: Array = totals > 0
-        return result
+        return totals > 0
     chosen = np.zeros(frames, bool)
     for start, stop in itertools.pairwise(clip_starts):
         gains = totals[start:stop].tolist()

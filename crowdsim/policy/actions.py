@@ -113,12 +113,7 @@ def build_actions(database: MotionDatabase, graph: MotionGraph, alignment: Align
     """Return the actions of a graph over a database.
 
     The ground transform of control frame ``action_first - 1`` lies on the avatar's when the action starts, but for its
-    shift.
-
-    Args:
-        database: The motion.
-        graph: The graph.
-        alignment: How actions are laid on their states, as ``align_actions`` finds when None.
+    shift; actions are laid on their states as ``align_actions`` finds unless an alignment is given.
     """
     stride = database.stride
     first = np.asarray(graph.action_first, dtype=np.int64)
@@ -205,9 +200,7 @@ def stillness_between(database: MotionDatabase) -> Stillness:
 def joint_speeds(database: MotionDatabase, around: float = 0.2) -> Array:
     """Return the root mean square of the joints' speeds around each control frame [m/s]. Shape (F,), float64.
 
-    Args:
-        database: The motion, F control frames.
-        around: How far to either side the mean goes, inside a clip [s].
+    The mean goes ``around`` to either side, inside a clip [s].
     """
     starts = np.asarray(database.clip_starts, dtype=np.int64)
     last = np.repeat(starts[1:], np.diff(starts)) * database.stride - 1
@@ -222,5 +215,4 @@ def joint_speeds(database: MotionDatabase, around: float = 0.2) -> Array:
     frames = np.arange(database.frame_count)
     clip = np.searchsorted(starts, frames, side="right") - 1
     low, high = np.maximum(frames - reach, starts[clip]), np.minimum(frames + reach + 1, starts[clip + 1])
-    result: Array = np.sqrt((squares[high] - squares[low]) / (high - low))
-    return result
+    return np.sqrt((squares[high] - squares[low]) / (high - low))

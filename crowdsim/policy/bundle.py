@@ -29,12 +29,10 @@ from crowdsim.config.documents import document_fault, parse_json
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import OutputError, PolicyError, VersionError
 from crowdsim.files import open_plain, replace_folder, restore_folder, stat_plain
-from crowdsim.policy.behind_checks import BEHIND
-from crowdsim.policy.checks import DEFENCE, STATE_VALUES, TABLE
-from crowdsim.policy.document import PolicyDocument
+from crowdsim.policy.checks import BEHIND, DEFENCE, STATE_VALUES, TABLE
+from crowdsim.policy.document import PolicyDocument, Timings
 from crowdsim.policy.flattening import assemble_policy, check_flattened, flatten_policy
 from crowdsim.policy.policy import Policy
-from crowdsim.policy.reported import Timings
 
 KIND = "crowdsim policy"
 VERSION = 1
@@ -57,11 +55,7 @@ def write_bundle(folder: Path, policy: Policy, timings: Mapping[str, Any]) -> No
 def write_arrays(
     folder: Path, document: Mapping[str, Any], arrays: Mapping[str, Array], timings: Mapping[str, Any]
 ) -> None:
-    """Write what ``flatten_policy`` returned, as ``write_bundle`` does.
-
-    Raises:
-        OutputError: It cannot be written; nothing is left behind.
-    """
+    """Write what ``flatten_policy`` returned, as ``write_bundle`` does."""
     folder = Path(folder)
     check_name(folder)
     fresh, old = (folder.with_name(f".{folder.name}.{word}-{os.getpid()}") for word in ("new", "old"))
@@ -78,11 +72,7 @@ def write_arrays(
 
 
 def check_name(folder: Path) -> None:
-    """Refuse to write a bundle where there is something else.
-
-    Raises:
-        OutputError: There is.
-    """
+    """Raise an ``OutputError`` if there is something else than a bundle where one is to be written."""
     if folder.exists() and not (folder / "policy.json").is_file() and (not folder.is_dir() or any(folder.iterdir())):
         raise OutputError(f"{folder}: is no trained policy, so it is not overwritten; expected a free name")
 
@@ -164,11 +154,7 @@ def read_document(folder: FileName) -> dict[str, Any]:
 def read_checked(path: Path, kind: str, version: int, remedy: str) -> dict[str, Any]:
     """Return the plain data in a JSON file with a checksum of itself, which ``with_checksum`` returned.
 
-    Args:
-        path: The file.
-        kind: What it must be.
-        version: Its format version.
-        remedy: What to do where it cannot be read.
+    Errors say the ``remedy``: what to do where it cannot be read.
 
     Raises:
         VersionError: It is of another format version.
@@ -269,11 +255,7 @@ def _map(folder: Path, name: str, facts: Mapping[str, Any]) -> Array:
 
 
 def _read_header(path: Path) -> tuple[np.dtype[Any], tuple[int, ...], int]:
-    """Return type and shape of the array in a file, and where its entries begin.
-
-    Raises:
-        PolicyError: It holds no array of numbers in C order.
-    """
+    """Return type and shape of the array in a file, and where its entries begin."""
     with open(path, "rb") as file:
         head = file.read(len(_MAGIC) + 2)
         count = int.from_bytes(head[len(_MAGIC) :], "little")

@@ -8,10 +8,12 @@ them, Y ways into walks, Z parts of them, T transitions, L rows of paths, K stri
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
 from crowdsim.array_checks import (
+    ArrayFault,
     Ascending,
     Check,
     Column,
@@ -29,7 +31,7 @@ from crowdsim.core.threats import CELLS
 from crowdsim.core.types import Array
 from crowdsim.motion.body import PARTS
 from crowdsim.motion.strikes import LIMBS
-from crowdsim.policy.behind_checks import frames_of, relations_behind
+from crowdsim.policy.falls import numbers_of
 
 STATE_VALUES = "state_values"
 """Name of the array of ``Behaviour.state_values``, one after another."""
@@ -37,8 +39,8 @@ STATE_VALUES = "state_values"
 DEFENCE = "defence"
 """Name of the array of ``Policy.defence``."""
 
-FAR, NEAR, TURNS = 1e6, 1e3, 1e5
-"""Greatest positions in the world of a clip and in the frame of a body [m], and headings that are not wrapped [rad]."""
+FAR, NEAR = 1e6, 1e3
+"""Greatest positions in the world of a clip and in the frame of a body [m]."""
 LONGEST = 4096
 """Control frames of the longest action that is read; tables that control makes have its square."""
 MOST = 4096
@@ -151,24 +153,19 @@ _FLOATS = Within(-1e12, 1e12)
 
 
 def check_arrays(arrays: Mapping[str, Array], sizes: Mapping[str, int], stride: int, optional: tuple[str, ...]) -> None:
-    """Hold the arrays of a bundle against their table, and against one another.
+    """Raise an ``ArrayFault`` if arrays of a bundle are not what their table says, or do not belong together.
 
     Args:
         arrays: The arrays by name.
         sizes: Sizes that ``policy.json`` states: joints J, clips M, and entries of tables V and W.
         stride: Playback frames in a control frame.
         optional: Arrays that may be missing.
-
-    Raises:
-        ArrayFault: One is not what it must be.
     """
     found = check_table(TABLE, arrays, sizes, optional)
     for name in ("values", STATE_VALUES):
         if name in arrays and arrays[name].dtype.kind == "f":
             check_table({name: Column(str(arrays[name].dtype), ("V",), (_FLOATS,))}, {name: arrays[name]}, {})
-    relations = _relations(stride, found)
-    relations += relations_behind(arrays)
-    check_relations(relations, arrays)
+    check_relations(_relations(stride, found) + relations_behind(arrays), arrays)
 
 
 def _relations(stride: int, sizes: Mapping[str, int]) -> tuple[Relation, ...]:
@@ -180,7 +177,10 @@ def _relations(stride: int, sizes: Mapping[str, int]) -> tuple[Relation, ...]:
             "database_root_positions", f"{sizes['F']} control frames of {stride} playback frames", lambda _: whole
         ),
         Relation("body_capsule_parts", "a capsule of the trunk among them", _have_trunk),
-        *(_equal(f"actions_{own}", f"graph_{other}") for own, other in _SAME.items()),
+        *(
+            Relation(f"actions_{name}", f"the same as in graph_action_{name}", partial(_equal, name))
+            for name in ("offsets", "next", "lengths")
+        ),
         Relation("actions_path_offsets", "a row of paths for each frame of an action", _have_paths),
         Relation("graph_action_first", "actions that end in the frame of their next state", _end_in_states),
         Relation("graph_action_first", "actions that stay in their clips", _stay_in_clips),
@@ -190,11 +190,14 @@ def _relations(stride: int, sizes: Mapping[str, int]) -> tuple[Relation, ...]:
     )
 
 
-_SAME = {"offsets": "action_offsets", "next": "action_next", "lengths": "action_lengths"}
+def frames_of(arrays: Mapping[str, Array]) -> tuple[Array, Array]:
+    """Return the control frame on which each action is laid, and its last one. Shapes (A,), int64."""
+    first = arrays["graph_action_first"].astype(np.int64)
+    return first - 1, first + arrays["graph_action_lengths"] - 1
 
 
-def _equal(name: str, other: str) -> Relation:
-    return Relation(name, f"the same as in {other}", lambda arrays: arrays[name] == arrays[other])
+def _equal(name: str, arrays: Mapping[str, Array]) -> Array:
+    return arrays[f"actions_{name}"] == arrays[f"graph_action_{name}"]
 
 
 def _have_trunk(arrays: Mapping[str, Array]) -> bool:
@@ -206,7 +209,7 @@ def _have_paths(arrays: Mapping[str, Array]) -> bool:
 
 
 def _end_in_states(arrays: Mapping[str, Array]) -> Array:
-    result: Array = frames_of(arrays)[1] == arrays["graph_state_frames"][arrays["graph_action_next"]]
+    result = frames_of(arrays)[1] == arrays["graph_state_frames"][arrays["graph_action_next"]]
     result[int(arrays["graph_action_offsets"][-1]) :] = True
     return result
 
@@ -214,16 +217,13 @@ def _end_in_states(arrays: Mapping[str, Array]) -> Array:
 def _stay_in_clips(arrays: Mapping[str, Array]) -> Array:
     starts = arrays["database_clip_starts"]
     first, last = (np.searchsorted(starts, frames, side="right") for frames in frames_of(arrays))
-    result: Array = first == last
-    return result
+    return first == last
 
 
-def _strikes_of(arrays: Mapping[str, Array], stride: int) -> tuple[Array, Array]:
+def _strikes_of(arrays: Mapping[str, Array], stride: int) -> list[Array]:
     """Return the first strike of the database in each action, and one past the last. Shapes (A,)."""
-    low, high = (
-        np.searchsorted(arrays["database_strike_frames"], stride * frames, side="right") for frames in frames_of(arrays)
-    )
-    return low, high
+    strikes = arrays["database_strike_frames"]
+    return [np.searchsorted(strikes, stride * frames, side="right") for frames in frames_of(arrays)]
 
 
 def _count_strikes(arrays: Mapping[str, Array], stride: int) -> bool:
@@ -232,15 +232,140 @@ def _count_strikes(arrays: Mapping[str, Array], stride: int) -> bool:
 
 
 def _name_strikes(arrays: Mapping[str, Array], stride: int) -> Array:
-    offsets, (low, _) = arrays["actions_strike_offsets"].astype(np.int64), _strikes_of(arrays, stride)
-    result: Array = arrays["actions_strike_ids"] == np.repeat(low - offsets[:-1], np.diff(offsets)) + np.arange(
-        offsets[-1]
-    )
-    return result
+    offsets, low = arrays["actions_strike_offsets"].astype(np.int64), _strikes_of(arrays, stride)[0]
+    expected = np.repeat(low - offsets[:-1], np.diff(offsets)) + np.arange(offsets[-1])
+    return arrays["actions_strike_ids"] == expected
 
 
 def _time_strikes(arrays: Mapping[str, Array], stride: int) -> Array:
     owners = np.repeat(frames_of(arrays)[0], np.diff(arrays["actions_strike_offsets"]))
     at = arrays["database_strike_frames"][arrays["actions_strike_ids"]]
-    result: Array = arrays["actions_strike_times"] == (at / stride - owners).astype(np.float32)
-    return result
+    return arrays["actions_strike_times"] == (at / stride - owners).astype(np.float32)
+
+
+_FALLS = ("falls_fall", "falls_lie", "falls_rise", "falls_stagger")
+_RESTS = ("rests_enter", "rests_hold", "rests_leave")
+_WALKS = ("walks_take", "walks_hold")
+"""Names of arrays that hold numbers of actions of ``falls.Falls``, ``rests.Rests`` and ``walks.Walks``."""
+
+OF_FALLS = (*_FALLS, "falls_direction", "falls_stagger_direction")
+OF_STOPS = ("falls_stop", "falls_stagger_stop")
+OF_PIECES = ("falls_stagger_last",)
+OF_RESTS = (*_RESTS, "rests_frames", "rests_state", "rests_row", "rests_next")
+OF_WALKS = (*_WALKS, "walks_spans", "walks_piece", "walks_row", "walks_next")
+GROUPS = (OF_FALLS, OF_STOPS, OF_PIECES, OF_RESTS, OF_WALKS)
+"""Names of the arrays of actions behind those of states; of a group all are there or none. Older bundles lack some."""
+
+BEHIND = tuple(name for group in GROUPS for name in group)
+
+
+def relations_behind(arrays: Mapping[str, Array]) -> tuple[Relation, ...]:
+    """Return what must be true of the arrays of falls, rests and walks that are there.
+
+    An ``ArrayFault`` is raised where one of them is there without the others.
+    """
+    relations: tuple[Relation, ...] = ()
+    for what, own, needed, more in (
+        ("falls", OF_FALLS, (), _FALL_RELATIONS),
+        ("stops of falls", OF_STOPS, OF_FALLS, _STOP_RELATIONS),
+        ("pieces of staggers", OF_PIECES, OF_FALLS, _PIECE_RELATIONS),
+        ("rests", OF_RESTS, (), _REST_RELATIONS),
+        ("walks", OF_WALKS, OF_RESTS, _WALK_RELATIONS),
+    ):
+        some = [name for name in own if name in arrays]
+        if some and any(name not in arrays for name in (*own, *needed)):
+            raise ArrayFault(some[0], f"is there without the other arrays of {what}, expected all of them or none")
+        relations += more if some else ()
+    return relations
+
+
+def count_behind(arrays: Mapping[str, Array]) -> int:
+    """Return how many actions of falls, rests and walks there are by these arrays, which need not be right."""
+    count = sum(arrays[name].size for name in (*_FALLS, *_RESTS, *_WALKS) if name in arrays)
+    if "falls_stagger" in arrays:
+        count += int(_last_pieces(arrays).sum()) - int(arrays["falls_stagger"].sum())
+    return count
+
+
+def _last_pieces(arrays: Mapping[str, Array]) -> Array:
+    return arrays[OF_PIECES[0]] if OF_PIECES[0] in arrays else arrays["falls_stagger"]
+
+
+def _falls_behind(arrays: Mapping[str, Array]) -> bool:
+    fall, lie, rise, stagger = (arrays[name] for name in _FALLS)
+    numbers = numbers_of(fall, lie, rise, stagger, _last_pieces(arrays))
+    count = sum(len(arrays[name]) for name in (*_RESTS, *_WALKS) if name in arrays)
+    last = len(arrays["graph_action_next"]) - count
+    return np.array_equal(numbers, np.arange(arrays["graph_action_offsets"][-1], last))
+
+
+def _rests_behind(arrays: Mapping[str, Array]) -> bool:
+    numbers = np.concatenate([arrays[name] for name in (*_RESTS, *_WALKS) if name in arrays])
+    last = len(arrays["graph_action_next"])
+    return np.array_equal(numbers, np.arange(last - len(numbers), last))
+
+
+def _lie_between(arrays: Mapping[str, Array]) -> Array:
+    before, last = frames_of(arrays)
+    fall, lie, rise = (arrays[name] for name in _FALLS[:3])
+    return (before[lie] == last[fall]) & (last[lie] <= before[rise])
+
+
+def _stop_within(first: str, last: str, stop: str, arrays: Mapping[str, Array]) -> Array:
+    before, ends = frames_of(arrays)
+    until = _last_pieces(arrays) if last in OF_PIECES else arrays[last]
+    return (before[arrays[first]] < arrays[stop]) & (arrays[stop] <= ends[until])
+
+
+def _one_after_another(arrays: Mapping[str, Array]) -> Array:
+    before, last = frames_of(arrays)
+    first, until = arrays["falls_stagger"], arrays["falls_stagger_last"]
+    joined = np.concatenate([[0], np.cumsum(before[1:] != last[:-1])])
+    return (until >= first) & (joined[first] == joined[until])
+
+
+def _ascend(frames: Array) -> Array:
+    return np.all(np.diff(frames, axis=1) >= 0, axis=1)
+
+
+def _below(values: Array, end: int) -> Array:
+    return (values >= 0) & (values < end)
+
+
+def _come_to_an_end(arrays: Mapping[str, Array]) -> Array:
+    pieces, following = len(arrays["rests_hold"]), arrays["walks_next"]
+    own = pieces + np.arange(len(following))
+    return _below(following, pieces + len(following)) & ((following < pieces) | (following > own))
+
+
+_FALL_RELATIONS = (
+    Relation("falls_fall", "falls, each with its lie and rise, behind the actions of states", _falls_behind),
+    Relation("falls_lie", "lying between a fall and a rise", _lie_between),
+)
+_STOP_RELATIONS = (
+    Relation("falls_stop", "frames of rises", partial(_stop_within, "falls_rise", "falls_rise", "falls_stop")),
+    Relation(
+        "falls_stagger_stop",
+        "frames of staggers",
+        partial(_stop_within, "falls_stagger", OF_PIECES[0], "falls_stagger_stop"),
+    ),
+)
+_PIECE_RELATIONS = (Relation(OF_PIECES[0], "pieces that follow the first one without a gap", _one_after_another),)
+_REST_RELATIONS = (
+    Relation("rests_enter", "rests behind the actions of states and falls", _rests_behind),
+    Relation("rests_frames", "frames that ascend", lambda arrays: _ascend(arrays["rests_frames"])),
+)
+_WALK_RELATIONS = (
+    Relation(
+        "walks_spans",
+        "frames that ascend to the one at ease behind them",
+        lambda arrays: _ascend(np.column_stack([arrays["walks_spans"], arrays["rests_frames"][:, 2]])),
+    ),
+    Relation("walks_piece", "pieces of rests", lambda arrays: _below(arrays["walks_piece"], len(arrays["rests_hold"]))),
+    Relation(
+        "walks_row",
+        "parts of walks, or pieces of rests",
+        lambda arrays: _below(arrays["walks_row"], len(arrays["rests_hold"]) + len(arrays["walks_hold"])),
+    ),
+    Relation("walks_next", "parts that come later, or pieces of rests", _come_to_an_end),
+)

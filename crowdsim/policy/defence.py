@@ -16,14 +16,9 @@ NAME = "defend"
 
 
 def join_defences(defences: list[Array | None], counts: list[int]) -> Array:
-    """Return tables one after another, zeros for a policy without one; none at all where no policy has one.
+    """Return tables (up to A, CELLS) one after another, zeros for a policy without one; none where no policy has one.
 
-    Args:
-        defences: The table of each policy. Shapes (up to A, CELLS).
-        counts: Actions of each policy, A.
-
-    Returns:
-        Shape (sum of A, CELLS) or (0, CELLS), float32.
+    ``counts`` are the actions of each policy, A. Shape (sum of A, CELLS) or (0, CELLS), float32.
     """
     if all(table is None for table in defences):
         return np.zeros((0, CELLS), np.float32)

@@ -1,21 +1,198 @@
-"""What ``policy.json`` must hold, so that nothing that is read from one is of another kind or out of range."""
+"""What ``policy.json`` and ``timings.json`` must hold, so that nothing that is read is of another kind or out of range.
+
+Statistics and timings are printed and never computed with.
+"""
 
 from __future__ import annotations
 
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, RootModel, model_validator
 
 from crowdsim.config.documents import DocumentModel, OpenModel
 from crowdsim.config.files import Fault
 from crowdsim.errors import RecipeError
 from crowdsim.motion.body import ROLES
-from crowdsim.policy.checks import NEAR
-from crowdsim.policy.document_parts import LOOKUPS, AxisPart, Count, Hash, Number, Rate, Size, Text
+from crowdsim.policy.axes.registry import NAMES
+from crowdsim.policy.checks import FAR, NEAR
 from crowdsim.policy.environment import MOST_AXES, Axis, build_grid
-from crowdsim.policy.reported import Statistics
 from crowdsim.policy.rewards import AnyTerm, ProximityTerm
+
+LOOKUPS = Literal["q", "v"]
+_FINEST = 1e-9
+"""Least step between grid points."""
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("expected text that can be printed")
+    return text
+
+
+Text = Annotated[str, Field(min_length=1, max_length=255), AfterValidator(_printable)]
+Count = Annotated[int, Field(ge=0, le=1 << 48)]
+Size = Annotated[float, Field(ge=1e-6, le=NEAR)]
+Rate = Annotated[float, Field(ge=0.01, le=10_000)]
+Number = Annotated[float, Field(ge=-1e12, le=1e12)]
+Measure = Annotated[float, Field(ge=-FAR, le=FAR)]
+Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+
+
+class AxisPart(DocumentModel):
+    """An axis of a grid, see ``environment.Axis``."""
+
+    name: Literal[NAMES]  # type: ignore[valid-type]
+    minimum: Measure
+    maximum: Measure
+    count: Annotated[int, Field(ge=1, le=1 << 20)]
+    wraps: bool = False
+    fade: Annotated[float, Field(ge=0.0, le=FAR)] = 0.0
+    stretch: Annotated[float, Field(ge=0.0, le=FAR)] = 0.0
+
+    @model_validator(mode="after")
+    def _step(self) -> AxisPart:
+        axis = Axis(**self.model_dump())
+        if 0.0 < self.stretch < 1e-3 or not (self.count == 1 or axis.step >= _FINEST):
+            raise Fault(f"has steps of {axis.step:g}, expected a range that its grid points divide", "count")
+        return self
+
+
+class MotionStatistics(OpenModel):
+    """What is reported of the motion."""
+
+    clips: Count
+    frames: Count
+    seconds: Number
+    frames_kept: Count
+    mirrored: bool
+    strikes: Count
+    frames_kept_by_clip: dict[str, Count]
+
+
+class GraphFigures(OpenModel):
+    """What is reported of the graph, see ``graph.statistics.GraphStatistics``."""
+
+    frames: Count
+    transitions: Count
+    states: Count
+    actions: Count
+    branching: Number
+    action_frames: Number
+    action_frames_most: Count
+    cost_mean: Number
+    cost_95: Number
+    threshold: Number
+    transitions_per_second: Number
+    seconds_between_transitions: Number
+
+
+class Success(OpenModel):
+    """What is reported of a behaviour's trials."""
+
+    task: Literal["arrive", "strike", "evade"]
+    share: Number
+    seconds: Number
+    share_behind: Number | None
+
+
+class BehaviourFigures(OpenModel):
+    """What is reported of a behaviour."""
+
+    axes: list[AxisPart] = Field(min_length=1)
+    cells: Count
+    entries: Count
+    bytes: Count
+    lookup: LOOKUPS
+    solver: str
+    sweeps: Count
+    residual: Number
+    converged: bool
+    success: Success
+
+
+class StrikeFigures(OpenModel):
+    """What is reported of the strikes."""
+
+    reach: dict[str, list[Number]]
+    striking_range: list[Number]
+    by_hand: dict[str, Count]
+    by_kind: dict[str, Count]
+    by_height: dict[str, Count]
+    used_share: Number
+    paper: dict[str, list[Number]]
+
+    @model_validator(mode="after")
+    def _pairs(self) -> StrikeFigures:
+        pairs = [*self.reach.values(), *self.paper.values(), self.striking_range]
+        if any(len(pair) != 2 for pair in pairs) or not {"distance", "height"} <= self.reach.keys():
+            raise Fault("holds ranges that are no pairs, or lacks distance and height", "reach")
+        if "head" not in self.by_height:
+            raise Fault("lacks 'head'", "by_height")
+        return self
+
+
+class FallFigures(OpenModel):
+    """What is reported of falls and staggers: their directions [rad]."""
+
+    directions: list[Number] = Field(min_length=1)
+    stagger_directions: list[Number]
+
+
+class RestFigures(OpenModel):
+    """What is reported of rests: how many on the spot, from how many states they begin, at what cost [m], and walks."""
+
+    count: Count
+    states: Count
+    walks: Count = 0
+    cost_mean: Number
+    cost_most: Number
+
+
+class DuelFigures(OpenModel):
+    """What is reported of duels of the policy with itself, see ``self_play.grading.Duels``."""
+
+    seconds: Number
+    thrown: Number
+    landed: Number
+    longest_wait: Number
+    turned_away_share: Number
+    still_share: Number
+    distance: Number
+    waiting_distance: Number
+    waiting_actions: Count
+
+
+class Statistics(OpenModel):
+    """What is reported of a policy, see ``training.statistics.policy_statistics``."""
+
+    motion: MotionStatistics
+    graph: GraphFigures
+    sustained_speed: Number
+    warnings: list[str]
+    behaviours: dict[str, BehaviourFigures]
+    strikes: StrikeFigures | None = None
+    falls: FallFigures | None = None
+    rests: RestFigures | None = None
+    duel: DuelFigures | None = None
+
+    @model_validator(mode="after")
+    def _strikes_are_there(self) -> Statistics:
+        if self.motion.strikes and self.strikes is None:
+            raise Fault("missing, since there are some", "strikes")
+        return self
+
+
+class BehaviourTimings(OpenModel):
+    """What a behaviour took."""
+
+    seconds: Number
+    updates_per_second: Number | None = None
+
+
+class Timings(RootModel[dict[str, Number | dict[str, BehaviourTimings]]]):
+    """What ``timings.json`` holds."""
+
 
 Near = Annotated[float, Field(ge=-NEAR, le=NEAR)]
 _TOES = ("left_toe", "right_toe")

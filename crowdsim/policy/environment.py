@@ -224,11 +224,7 @@ def fade_factor(grid: Grid, target: ArrayLike) -> float:
     """Return how much a behaviour counts for one target: 1 inside its grid, falling to 0 over each axis' ``fade``.
 
     Beyond the range the table is clamped and would take a target at 3 m for one at the edge, so its weight must fade.
-    The fall is a straight line per axis; axes multiply.
-
-    Args:
-        grid: The behaviour's grid.
-        target: Where the target is [m], and the rest of a ``Target`` as far as the grid sees it.
+    The fall is a straight line per axis; axes multiply. The target has the numbers of a ``Target`` that the grid sees.
     """
     factor, seen = 1.0, Target(*np.asarray(target, dtype=float).tolist())
     for axis in grid.axes:

@@ -19,15 +19,12 @@ from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.motion.strikers import GROUPS, LIMBS
 from crowdsim.policy.actions import Actions
-from crowdsim.policy.behind_checks import BEHIND, count_behind
-from crowdsim.policy.checks import DEFENCE, STATE_VALUES, check_arrays
+from crowdsim.policy.checks import BEHIND, DEFENCE, STATE_VALUES, check_arrays, count_behind
 from crowdsim.policy.environment import Axis, build_grid
 from crowdsim.policy.falls import flatten_falls, read_falls, spans_of
 from crowdsim.policy.policy import Behaviour, Policy
 from crowdsim.policy.rests import flatten_rests, read_rests, rests_of
 from crowdsim.policy.rewards import AnyTerm, TargetBody
-
-__all__ = ["STATE_VALUES", "assemble_motion", "assemble_policy", "check_flattened", "flatten_policy"]
 
 
 def flatten_policy(policy: Policy) -> tuple[dict[str, Any], dict[str, Array]]:
@@ -107,11 +104,7 @@ def _describe(behaviour: Behaviour) -> dict[str, Any]:
 def assemble_motion(
     document: Mapping[str, Any], arrays: Mapping[str, Array]
 ) -> tuple[MotionDatabase, MotionGraph, Actions]:
-    """Return the motion, the graph and its actions of a policy that was flattened.
-
-    Raises:
-        KeyError: Something is missing.
-    """
+    """Return the motion, the graph and its actions of a policy that was flattened."""
     skeleton = _join(Skeleton, "skeleton", document["skeleton"], arrays)
     body = _join(Body, "body", document["body"], arrays)
     database = _join(MotionDatabase, "database", document["database"], arrays, skeleton=skeleton, body=body)
@@ -122,12 +115,9 @@ def assemble_motion(
 
 
 def check_flattened(document: Mapping[str, Any], arrays: Mapping[str, Array]) -> None:
-    """Hold the arrays of a policy against what they must be, and against its plain data, which has passed its checks.
+    """Raise an ``ArrayFault`` if arrays of a policy do not fit its plain data, which has passed its checks.
 
     Values of states, which are not read with a policy, may be missing.
-
-    Raises:
-        ArrayFault: One is not what it must be.
     """
     behaviours, database = document["behaviours"], document["database"]
     stride = round(database["playback_rate"] / database["control_rate"])

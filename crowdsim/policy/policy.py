@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -77,8 +77,15 @@ class Behaviour:
 
     def values(self, entries: Any = slice(None)) -> Array:
         """Return entries of the table as numbers, float64."""
-        numbers: Array = self.low + self.step * self.table[entries].astype(np.float64)
-        return numbers
+        return self.low + self.step * self.table[entries].astype(np.float64)
+
+    def everywhere(self) -> Behaviour:
+        """Return this behaviour, counting fully wherever the target is, on the scale of its own reward."""
+        return replace(self, grid=Grid(tuple(replace(axis, fade=0.0) for axis in self.grid.axes)), scale=1.0)
+
+    def in_numbers(self) -> Behaviour:
+        """Return this behaviour with its values in float32, for which training has compiled what reads them."""
+        return replace(self, table=self.values().astype(np.float32), low=0.0, step=1.0)
 
 
 class LookupTables(NamedTuple):

@@ -88,14 +88,8 @@ def add_rests(
 ) -> tuple[MotionGraph, Actions, Rests | None]:
     """Return a graph and its actions with the rests of the motion behind them, and which these are.
 
-    None and nothing new where the motion has no rests, or no state is like the guard before any.
-
-    Args:
-        database: The motion.
-        graph: The graph.
-        actions: Its actions.
-        settings: How poses are compared.
-        seconds: About how long a piece of standing at ease is [s]; None for no rests.
+    None and nothing new where the motion has no rests, or no state is like the guard before any. A piece of standing at
+    ease is about so many ``seconds`` long; None for no rests.
     """
     if seconds is None or not len(database.rests.frames):
         return graph, actions, None
@@ -233,11 +227,7 @@ def _entries(
 
 
 def _ways_back(
-    database: MotionDatabase,
-    graph: MotionGraph,
-    features: Array,
-    stillness: Stillness,
-    poses: Array,
+    database: MotionDatabase, graph: MotionGraph, features: Array, stillness: Stillness, poses: Array
 ) -> tuple[Array, Array, Array]:
     """Return for each piece the frame that its last pose is laid on, the last frame of the way back, and its state."""
     haste = HASTE / database.control_rate

@@ -81,13 +81,7 @@ def laid_behind(
 ) -> tuple[MotionGraph, Actions, Array]:
     """Return a graph and its actions with more behind them, and the numbers of these.
 
-    Args:
-        database: The motion.
-        graph: The graph.
-        actions: Its actions.
-        features: Features of all frames.
-        laid: The further actions.
-        costs: What the first of them cost; the others cost what their poses are apart [m].
+    The first of them have the given costs; the others cost what their poses are apart [m].
     """
     first, lengths = laid.first.astype(np.int32), (laid.last - laid.first + 1).astype(np.int32)
     states = laid.states.astype(np.int32)

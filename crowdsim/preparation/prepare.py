@@ -39,11 +39,7 @@ def load_policies(
 ) -> list[Policy]:
     """Return the policies that a scenario's types use, in the order of their types; trained when missing or stale.
 
-    Args:
-        scenario: The scenario, resolved.
-        mocap: Folder of capture; by default that of the recipe, else of the variable ``CROWDSIM_MOCAP``.
-        threads: Threads for training.
-        progress: Called with stage, done and total.
+    Capture is in the folder ``mocap``; by default that of the recipe, else of the variable ``CROWDSIM_MOCAP``.
 
     Raises:
         RecipeError: A recipe is invalid.
@@ -64,15 +60,9 @@ def load_policies(
 
 
 def shared_bundle(name: FileName, mocap: FileName | None = None) -> Path | None:
-    """Return the bundle of a recipe that another user has trained beside it; None where it is missing or stale.
-
-    Raises:
-        RecipeError: The recipe is invalid.
-        PolicyError: Capture is not in the folder given for it, or the bundle is foreign or damaged.
-    """
-    from crowdsim.training.contexts import naming
+    """Return the bundle of a recipe that another user has trained beside it; None where it is missing or stale."""
     from crowdsim.training.recipe import load_recipe
-    from crowdsim.training.train import stale
+    from crowdsim.training.train import naming, stale
 
     if (Path(name) / "policy.json").is_file():
         return None
@@ -93,12 +83,7 @@ def policy_names(scenario: Scenario) -> list[str]:
 
 
 def untrained_policies(scenario: Scenario, mocap: FileName | None = None) -> list[str]:
-    """Return the names of the policies of a scenario that have to be trained first.
-
-    Raises:
-        RecipeError: A recipe is invalid.
-        PolicyError: A bundle is foreign or damaged, or capture for it is missing.
-    """
+    """Return the names of the policies of a scenario that have to be trained first."""
     from crowdsim.training.train import is_trained
 
     return [
@@ -116,13 +101,7 @@ def training_notice(name: str, threads: int) -> str:
 def kernel_uses(scenario: Scenario, untrained: Sequence[str] = ()) -> list[str]:
     """Return what a scenario needs kernels for, in the order of need (``jit.signatures``).
 
-    Args:
-        scenario: The scenario, resolved.
-        untrained: Policies that have to be trained first.
-
-    Raises:
-        RecipeError: A recipe is invalid.
-        PolicyError: A policy is missing, or its bundle is damaged.
+    ``untrained`` are policies that have to be trained first.
     """
     from crowdsim.crowd.simulation import SMALL
 
@@ -152,12 +131,7 @@ def take_header(scenario: Scenario, crowd: Crowd) -> TakeHeader:
 
 
 def learned_behaviours(policy: str) -> list[str]:
-    """Return the behaviours of a policy by its name, trained or not.
-
-    Raises:
-        RecipeError: Its recipe is invalid.
-        PolicyError: There is no such policy, or its bundle is damaged.
-    """
+    """Return the behaviours of a policy by its name, trained or not."""
     recipe, document = _recipe_or_bundle(policy)
     if recipe:
         return [*recipe.behaviours, *([DEFEND] if recipe.defend is not None else [])]
@@ -166,12 +140,7 @@ def learned_behaviours(policy: str) -> list[str]:
 
 
 def reacts_to_strikes(policy: str) -> bool:
-    """Return whether avatars of a policy, by its name and trained or not, react to strikes of their opponents.
-
-    Raises:
-        RecipeError: Its recipe is invalid.
-        PolicyError: There is no such policy, or its bundle is damaged.
-    """
+    """Return whether avatars of a policy, by its name and trained or not, react to strikes of their opponents."""
     from crowdsim.crowd.draw import sees_strikes
 
     recipe, document = _recipe_or_bundle(policy)
@@ -183,23 +152,13 @@ def reacts_to_strikes(policy: str) -> bool:
 
 
 def control_rate_of(policy: str) -> float:
-    """Return the control rate of a policy by its name, trained or not [Hz].
-
-    Raises:
-        RecipeError: Its recipe is invalid.
-        PolicyError: There is no such policy, or its bundle is damaged.
-    """
+    """Return the control rate of a policy by its name, trained or not [Hz]."""
     recipe, document = _recipe_or_bundle(policy)
     return float(recipe.control_rate if recipe else document["database"]["control_rate"])
 
 
 def table_type_of(policies: Sequence[str]) -> str:
-    """Return the type of the tables that control reads in a run of some policies, by their names, trained or not.
-
-    Raises:
-        RecipeError: A recipe is invalid.
-        PolicyError: There is no such policy, or its bundle is damaged.
-    """
+    """Return the type of the tables that control reads in a run of some policies, by their names, trained or not."""
     found = set()
     for policy in policies:
         recipe, document = _recipe_or_bundle(policy)
@@ -209,7 +168,12 @@ def table_type_of(policies: Sequence[str]) -> str:
 
 
 def _recipe_or_bundle(policy: str) -> tuple[Recipe | None, Mapping[str, Any]]:
-    """Return the recipe of a policy, or None and what the bundle of a policy without a recipe says."""
+    """Return the recipe of a policy, or None and what the bundle of a policy without a recipe says.
+
+    Raises:
+        RecipeError: The recipe is invalid.
+        PolicyError: There is no such policy, or its bundle is damaged.
+    """
     from crowdsim.policy.bundle import read_document
     from crowdsim.training.recipe import load_recipe
 

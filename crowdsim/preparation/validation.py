@@ -196,11 +196,7 @@ def _trained(names: Iterable[str]) -> dict[str, Policy]:
 
 
 def _time_findings(scenario: Scenario) -> list[Finding]:
-    """Return a finding for each output that asks for frames that there will not be.
-
-    Raises:
-        ScenarioError: The control rates of the policies differ.
-    """
+    """Return a finding for each output that asks for frames that there will not be."""
     from crowdsim.crowd.obstacles import pack_obstacles
 
     rate = control_rate(scenario)

@@ -12,8 +12,7 @@ import numpy as np
 from pydantic import ValidationError, ValidationInfo, model_validator
 
 from crowdsim import assets
-from crowdsim.config.collection import collection_paused
-from crowdsim.config.files import Faults, Finding, dump_yaml, load_data, load_model
+from crowdsim.config.files import Faults, Finding, collection_paused, dump_yaml, load_data, load_model
 from crowdsim.config.schema import quoted
 from crowdsim.core.types import FileName
 from crowdsim.errors import ScenarioError, TakeError, nearest

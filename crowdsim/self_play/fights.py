@@ -122,11 +122,7 @@ def start_fights(
 
 
 def watch_fights(
-    simulation: Simulation,
-    frames: int,
-    learners: Array,
-    tally: Tally,
-    report: Callable[[int, int], None] | None = None,
+    simulation: Simulation, frames: int, learners: Array, tally: Tally, report: Callable[[int, int], None] | None = None
 ) -> None:
     """Run fights, and add to a tally what follows the decisions of some avatars.
 
@@ -167,12 +163,10 @@ def watch_fights(
 def _worth(events: Events) -> Array:
     """Return what each strike counts: 1 where it lands, ``BLOCKED`` where it is blocked, otherwise 0. Shape (E,)."""
     worth = np.where(events.outcome == layout.LANDED, 1.0, np.where(events.outcome == layout.BLOCKED, BLOCKED, 0.0))
-    result: Array = np.where(events.victim >= 0, worth, 0.0)
-    return result
+    return np.where(events.victim >= 0, worth, 0.0)
 
 
 def _later(hits: Array, horizon: int, fade: float) -> Array:
     """Return the hits of the frames behind each frame, the nearest counting most. Shape as ``hits``, (F, N)."""
     padded = np.concatenate([hits, np.zeros((horizon, hits.shape[1]))])
-    result: Array = np.sum([fade**d * padded[d : d + len(hits)] for d in range(1, horizon + 1)], axis=0)
-    return result
+    return np.sum([fade**d * padded[d : d + len(hits)] for d in range(1, horizon + 1)], axis=0)

@@ -56,12 +56,7 @@ class Duel:
 
 
 def grade_policy(policy: Policy, progress: Progress | None = None) -> dict[str, Any]:
-    """Return the figures of duels of a policy with itself in the shipped scene (``Duel``), plain data.
-
-    Args:
-        policy: The policy.
-        progress: Called with (stage, done, total).
-    """
+    """Return the figures of duels of a policy with itself in the shipped scene (``Duel``), plain data."""
     speeds, duels = joint_speeds(policy), []
     for seed in SEEDS:
         duels.append(_fight(policy, seed, speeds))
@@ -104,11 +99,9 @@ def _fight(policy: Policy, seed: int, speeds: Array) -> Duel:
 
 
 def longest_wait(struck: Array, frames: int) -> tuple[float, float]:
-    """Return begin and end of the longest time without a strike [control frames].
+    """Return begin and end of the longest time without a strike, of so many frames in all [control frames].
 
-    Args:
-        struck: When strikes were thrown [control frames], in any order. Shape (S,).
-        frames: Control frames in all.
+    Strikes were thrown at times (S,), in any order.
     """
     times = np.concatenate([[0.0], np.sort(np.asarray(struck, float)), [float(frames)]])
     longest = int(np.argmax(np.diff(times)))

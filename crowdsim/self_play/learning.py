@@ -14,7 +14,7 @@ from crowdsim.crowd.model import build_model
 from crowdsim.policy.policy import Policy
 from crowdsim.self_play.fights import Side, Tally, start_fights, watch_fights
 from crowdsim.training.pursuit import TEMPERATURE
-from crowdsim.training.recipe_parts import DefenceSpec
+from crowdsim.training.recipe import DefenceSpec
 
 UNNOTICED = 1e-9
 """Weight with which a table that is still empty is observed."""
@@ -27,16 +27,8 @@ COMMON, CELLWISE = 30.0, 60.0
 def learn_defence(policy: Policy, spec: DefenceSpec, weight: float = 1.0, progress: Progress | None = None) -> Array:
     """Return the hits that follow each action of a policy, learned in fights of its avatars.
 
-    The avatar that learns defends itself by what the rounds before have found, against opponents that do not.
-
-    Args:
-        policy: The policy, without or with a table, which is not used.
-        spec: The section of the recipe.
-        weight: Weight of the behaviour.
-        progress: Called with (stage, done, total).
-
-    Returns:
-        Shape (choice_count, CELLS), float32.
+    The avatar that learns defends itself by what the rounds before have found, against opponents that do not. A table
+    that the policy has is not used. Shape (choice_count, CELLS), float32.
     """
     model = build_model([replace(policy, defence=None)])
 
@@ -103,8 +95,7 @@ def expected_hits(hits: Array, count: Array) -> Array:
     usual = hits.sum(axis=0) / np.maximum(count.sum(axis=0), 1.0)
     prior = COMMON * float(hits.sum() / max(count.sum(), 1.0))
     share = (hits.sum(axis=1) + prior) / np.maximum(count @ usual + prior, 1e-12)
-    table: Array = ((hits + CELLWISE * share[:, None] * usual) / (count + CELLWISE)).astype(np.float32)
-    return table
+    return ((hits + CELLWISE * share[:, None] * usual) / (count + CELLWISE)).astype(np.float32)
 
 
 def _reporter(progress: Progress | None, turn: int, rounds: int) -> Callable[[int, int], None]:

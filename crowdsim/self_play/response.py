@@ -11,14 +11,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from crowdsim.core.threats import CELLS
-from crowdsim.core.types import Array, Progress
+from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Model
 from crowdsim.crowd.model import build_model
 from crowdsim.policy.defence import join_defences
 from crowdsim.policy.policy import Policy
 from crowdsim.self_play.fights import Side, start_fights
 from crowdsim.self_play.learning import learn_table
-from crowdsim.training.recipe_parts import DefenceSpec
+from crowdsim.training.recipe import DefenceSpec
 
 WEIGHTS = (0.15, 0.5, 1.0)
 """Weights of what is learned, of which the best one counts."""
@@ -29,7 +29,6 @@ def best_response(
     temperature: float,
     spec: DefenceSpec,
     weights: Sequence[float] = WEIGHTS,
-    progress: Progress | None = None,
 ) -> dict[str, float]:
     """Return what the best response to a policy gains in a fight of two.
 
@@ -38,7 +37,6 @@ def best_response(
         temperature: Randomness of the policy's draws, see the type's key.
         spec: How long is fought.
         weights: Weights of what the response learns; the best one counts.
-        progress: Called with (stage, done, total).
 
     Returns:
         ``gain``: hits per minute that the response lands more than it takes, over the policy itself in its place;
@@ -55,7 +53,7 @@ def best_response(
     own_landed, own_taken = _hits_per_minute(policies, with_table(policy.defence), shipped, shipped, spec)
     found: list[dict[str, float]] = []
     for weight in weights:
-        table = learn_table(policies, with_table, spec, weight, shipped, 1.0, progress)
+        table = learn_table(policies, with_table, spec, weight, shipped, 1.0)
         landed, taken = _hits_per_minute(policies, with_table(table), Side(temperature, weight), shipped, spec)
         gain = landed - taken - (own_landed - own_taken)
         found.append({"gain": gain, "landed": landed, "taken": taken, "weight": weight})

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +16,7 @@ from crowdsim.policy.environment import Grid
 from crowdsim.policy.policy import Behaviour, StateValues
 from crowdsim.policy.rewards import TargetBody, Term
 from crowdsim.training.mirroring import values_with_images
+from crowdsim.training.ranges import resolve_grid, resolve_terms, sample_targets
 from crowdsim.training.recipe import BehaviourSpec, QLearningSpec
 from crowdsim.training.scales import SHOWN, action_values_at, advantages, decisive_scale, fades_of
 from crowdsim.training.solution import Solution, q_table
@@ -25,6 +26,87 @@ if TYPE_CHECKING:
 
 STEPS = 4095
 """Steps of the values V that a table of Q in bytes is a backup of: several to one of the table's."""
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """A behaviour that is to be learned.
+
+    Attributes:
+        name: What progress calls it.
+        spec: What is learned.
+        database: The motion.
+        actions: The graph's actions, or those of the captured states alone (``model.build_model``).
+        body: Sizes of the target.
+        progress: Called with (stage, done, total).
+    """
+
+    name: str
+    spec: BehaviourSpec
+    database: MotionDatabase
+    actions: Actions
+    body: TargetBody
+    progress: Progress | None = None
+
+    @cached_property
+    def grid(self) -> Grid:
+        """The grid of the behaviour's table."""
+        return resolve_grid(self.spec, self.database)
+
+    @cached_property
+    def terms(self) -> tuple[Term, ...]:
+        """The terms of its reward."""
+        return resolve_terms(self.spec, self.database)
+
+    def model_on(self, grid: Grid) -> Model:
+        """Return the behaviour's model on a grid."""
+        from crowdsim.training.model import build_model, build_movement
+
+        target = self.spec.target
+        movement = build_movement(target.speed, target.directions, target.still, self.database.control_rate)
+        self._report("model", 0, 1)
+        model = build_model(self.actions, grid, self.terms, self.body, self.spec.discount, movement)
+        self._report("model", 1, 1)
+        return model
+
+    def solve(self, start: Array | None = None) -> Solution:
+        """Return what the solver of the recipe finds; value iteration may start from values (S, C)."""
+        from crowdsim.training.q_learning import q_learning
+        from crowdsim.training.refinement import solve_by_levels
+        from crowdsim.training.value_iteration import value_iteration
+
+        spec, grid, report = self.spec, self.grid, self._report
+        options = spec.solver.model_dump(exclude={"kind"})
+        if isinstance(spec.solver, QLearningSpec):
+            return q_learning(self.model_on(grid), progress=report, **options)
+        if spec.backup == "max_of_interpolated" or start is not None:
+            return value_iteration(self.model_on(grid), spec.backup, progress=report, start=start, **options)
+        return solve_by_levels(self.model_on, grid, spec.finer, progress=report, **options)
+
+    def judge(self, values: Array, targets: Array) -> tuple[Array, float]:
+        """Return what every action is worth for some targets (A, N) by values V, and the scale on which that decides.
+
+        Targets are those of ``ranges.sample_targets``.
+        """
+        worth = action_values_at(targets, self.grid, self.terms, values, self.spec.discount, self.actions, self.body)
+        scale = decisive_scale(worth, self.actions, fades_of(self.grid, targets), float(np.abs(values).max()))
+        return worth, scale
+
+    def q_table(self, values: Array) -> Array:
+        """Return the table of Q that is one backup of V over all states. Flat, float32."""
+        return q_table(self.model_on(self.grid), values)
+
+    def q_bytes(self, behind: StateValues) -> tuple[Array, float, float]:
+        """Return the table of Q in bytes that is one backup of V, what an entry of 0 is worth, and what one more is.
+
+        V is that in whole steps, so that the table follows from what a packed policy holds.
+        """
+        table = self.q_table((behind.low + behind.step * behind.table).astype(np.float32))
+        return bundle.encode(advantages(table, self.actions, self.grid.cells, SHOWN * behind.spread), "int8")
+
+    def _report(self, stage: str, done: int, total: int) -> None:
+        if self.progress is not None:
+            self.progress(f"{self.name}: {stage}", done, total)
 
 
 def train_behaviour(
@@ -41,120 +123,24 @@ def train_behaviour(
 
     With ``solved`` (``mirroring.solved_states``) the other states are the mirror images of as many that are solved.
     """
-    from crowdsim.training.ranges import sample_targets
-
-    own = actions if solved is None else leading_actions(actions, solved)
-    model_on, grid, terms = prepare_models(name, spec, database, own, body, progress)
-    solution = solve(name, spec, model_on, grid, progress)
-    targets = sample_targets(database)
-    worth = action_values_at(targets, grid, terms, solution.values, spec.discount, own, body)
-    spread = decisive_scale(worth, own, fades_of(grid, targets), float(np.abs(solution.values).max()))
-    if own.state_count < actions.state_count:
-        solution = replace(solution, values=values_with_images(solution.values, grid))
+    whole = Lesson(name, spec, database, actions, body, progress)
+    lesson = whole if solved is None else replace(whole, actions=leading_actions(actions, solved))
+    solution = lesson.solve()
+    _, spread = lesson.judge(solution.values, sample_targets(database))
+    if lesson.actions.state_count < actions.state_count:
+        solution = replace(solution, values=values_with_images(solution.values, whole.grid))
     behind = None
     if spec.lookup == "v":
         stored, zero, step = bundle.encode(solution.values.ravel(), precision)
     elif precision == "int8" and solution.q is None:
         behind = StateValues(*bundle.whole_steps(solution.values.ravel(), STEPS), spread)
-        stored, zero, step = bytes_behind(name, spec, database, actions, body, behind, progress)
+        stored, zero, step = whole.q_bytes(behind)
     else:
-        table = solution.q
-        if table is None:
-            table = _q_behind(name, spec, database, actions, body, solution.values, progress)
+        table = whole.q_table(solution.values) if solution.q is None else solution.q
         if precision == "int8":
-            table = advantages(table, actions, grid.cells, SHOWN * spread)
+            table = advantages(table, actions, whole.grid.cells, SHOWN * spread)
         stored, zero, step = bundle.encode(table, precision)
     scale = spread if spec.normalise else 1.0
-    return Behaviour(name, grid, spec.lookup, stored, scale, terms, spec.discount, zero, step, behind), solution
-
-
-def bytes_behind(
-    name: str,
-    spec: BehaviourSpec,
-    database: MotionDatabase,
-    actions: Actions,
-    body: TargetBody,
-    values: StateValues,
-    progress: Progress | None = None,
-) -> tuple[Array, float, float]:
-    """Return the table of Q in bytes that is one backup of V, what an entry of 0 is worth, and what one more is.
-
-    V is that in whole steps, so that the table follows from what a packed policy holds.
-    """
-    numbers = (values.low + values.step * values.table).astype(np.float32)
-    table = _q_behind(name, spec, database, actions, body, numbers, progress)
-    cells = len(table) // actions.action_count
-    return bundle.encode(advantages(table, actions, cells, SHOWN * values.spread), "int8")
-
-
-def _q_behind(
-    name: str,
-    spec: BehaviourSpec,
-    database: MotionDatabase,
-    actions: Actions,
-    body: TargetBody,
-    values: Array,
-    progress: Progress | None,
-) -> Array:
-    """Return the table of Q that is one backup of V over all states. Flat, float32."""
-    model_on, grid, _ = prepare_models(name, spec, database, actions, body, progress)
-    return q_table(model_on(grid), values)
-
-
-def prepare_models(
-    name: str,
-    spec: BehaviourSpec,
-    database: MotionDatabase,
-    actions: Actions,
-    body: TargetBody,
-    progress: Progress | None = None,
-) -> tuple[Callable[[Grid], Model], Grid, tuple[Term, ...]]:
-    """Return what builds a behaviour's model on a grid, the grid of its table, and the terms of its reward."""
-    from crowdsim.training.model import build_model, build_movement
-    from crowdsim.training.ranges import resolve_grid, resolve_terms
-
-    terms, target = resolve_terms(spec, database), spec.target
-    movement = build_movement(target.speed, target.directions, target.still, database.control_rate)
-    report = _reporter(name, progress)
-
-    def model_on(grid: Grid) -> Model:
-        report("model", 0, 1)
-        model = build_model(actions, grid, terms, body, spec.discount, movement)
-        report("model", 1, 1)
-        return model
-
-    return model_on, resolve_grid(spec, database), terms
-
-
-def solve(
-    name: str,
-    spec: BehaviourSpec,
-    model_on: Callable[[Grid], Model],
-    grid: Grid,
-    progress: Progress | None = None,
-    start: Array | None = None,
-) -> Solution:
-    """Return what the solver of a behaviour finds on its grid; value iteration may start from values (S, C)."""
-    from crowdsim.training.q_learning import q_learning
-    from crowdsim.training.refinement import solve_by_levels
-    from crowdsim.training.value_iteration import value_iteration
-
-    options = spec.solver.model_dump(exclude={"kind"})
-    report = _reporter(name, progress)
-    if isinstance(spec.solver, QLearningSpec):
-        return q_learning(model_on(grid), progress=report, **options)
-    if spec.backup == "max_of_interpolated":
-        return value_iteration(model_on(grid), spec.backup, progress=report, **options)
-    if start is not None:
-        return value_iteration(model_on(grid), spec.backup, progress=report, start=start, **options)
-    return solve_by_levels(model_on, grid, spec.finer, progress=report, **options)
-
-
-def _reporter(name: str, progress: Progress | None) -> Progress:
-    """Return progress that names the behaviour."""
-
-    def report(stage: str, done: int, total: int) -> None:
-        if progress is not None:
-            progress(f"{name}: {stage}", done, total)
-
-    return report
+    return Behaviour(
+        name, whole.grid, spec.lookup, stored, scale, whole.terms, spec.discount, zero, step, behind
+    ), solution

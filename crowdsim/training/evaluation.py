@@ -5,13 +5,12 @@ from __future__ import annotations
 import itertools
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.policy.actions import Actions
-from crowdsim.policy.environment import Grid
 from crowdsim.policy.policy import Behaviour, Policy, build_lookup_tables
 from crowdsim.policy.rewards import TargetBody
 
@@ -69,14 +68,13 @@ def random_starts(
     distance: tuple[float, float],
     bearing: tuple[float, float],
     height: tuple[float, float],
-    seed: int = 0,
 ) -> tuple[Array, Array]:
     """Return states and targets drawn evenly: over the states, and in a range of distance, bearing and height.
 
     Returns:
         States, shape (N,), int32, and targets in the avatar's ground frame, shape (N, 3) [m].
     """
-    draw = np.random.default_rng(seed)
+    draw = np.random.default_rng(0)
     states = draw.integers(0, policy.actions.state_count, count).astype(np.int32)
     far, angle = draw.uniform(*distance, count), draw.uniform(*bearing, count)
     high = draw.uniform(*height, count)
@@ -133,7 +131,7 @@ def run_episodes(
     from crowdsim.training.kernels import episodes as played
 
     settings = settings or EpisodeSettings()
-    judge = build_lookup_tables(actions, (_always(behaviour),), body)
+    judge = build_lookup_tables(actions, (behaviour.everywhere(),), body)
     tables, weights = judge, np.ones(1)
     if composition is not None:
         tables = build_lookup_tables(composition.actions, composition.behaviours, body)
@@ -183,9 +181,3 @@ def _episodes(out: Array, used: Array, spent: float, rate: float) -> Episodes:
         seconds_between_transitions=frames / rate / max(transitions, 1.0),
         actions_used=int(used.sum()),
     )
-
-
-def _always(behaviour: Behaviour) -> Behaviour:
-    """Return a behaviour that counts fully wherever the target is, on the scale of its own reward."""
-    axes = tuple(replace(axis, fade=0.0) for axis in behaviour.grid.axes)
-    return replace(behaviour, grid=Grid(axes), scale=1.0)

@@ -60,10 +60,7 @@ FITS = (
         float("inf"),
         0.66,
         None,
-        {
-            "punch": {"distance": 24, "bearing": 36, "height": 3},
-            "fight": {"distance": 40, "bearing": 36, "height": 3},
-        },
+        {"punch": {"distance": 24, "bearing": 36, "height": 3}, "fight": {"distance": 40, "bearing": 36, "height": 3}},
     ),
 )
 """Training time and memory grow with decisions and grid points: more motion has fewer of them a second. Little motion
@@ -74,11 +71,7 @@ MIRRORED = 3600.0
 
 
 def check_name(name: str) -> None:
-    """Refuse a name for a recipe that is none, or that a recipe or a policy has.
-
-    Raises:
-        RecipeError: It is taken, or no name.
-    """
+    """Raise a ``RecipeError`` if a name is none for a recipe, or taken by a recipe or a policy."""
     if not _NAME.fullmatch(name) or not isinstance(scalar(name), str):
         raise RecipeError(
             f"--name {name}: expected at most 64 letters, digits, _ and -, a letter first; not null or true"
@@ -134,10 +127,6 @@ def recipe_text(survey: Survey, behaviours: Sequence[str], place: Path) -> str:
         survey: What is in the folder.
         behaviours: Those of ``BEHAVIOURS`` that are to be learned.
         place: Folder that the recipe will lie in.
-
-    Raises:
-        RecipeError: A behaviour is unknown.
-        MotionError: The capture has no strikes, and a behaviour needs them.
     """
     for behaviour in behaviours:
         if behaviour not in BEHAVIOURS:

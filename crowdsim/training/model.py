@@ -217,11 +217,7 @@ def build_model(
 
 
 def check_axes(terms: tuple[Term, ...], grid: Grid) -> None:
-    """Raise an error where a term needs an axis that a grid lacks.
-
-    Raises:
-        RecipeError: One does.
-    """
+    """Raise a ``RecipeError`` if a term needs an axis that a grid lacks."""
     names = [axis.name for axis in grid.axes]
     for term in terms:
         for name in term.axes:

@@ -37,17 +37,11 @@ class MotionKind(IntEnum):
 
 
 def motion_kinds(actions: Actions, strike_limbs: ArrayLike) -> Array:
-    """Return the kind of every action.
+    """Return the kind of every action. Values of ``MotionKind``. Shape (A,), uint8.
 
-    An action with a strike is one of its first strike's side. Others are named by where they lead: ahead, back or to a
-    side, whichever of the four directions is nearest, unless they rotate more than they travel or do neither.
-
-    Args:
-        actions: The actions.
-        strike_limbs: What strikes in each strike of the database, a number of ``strikes.LIMBS``. Shape (S,).
-
-    Returns:
-        Values of ``MotionKind``. Shape (A,), uint8.
+    An action with a strike is one of its first strike's side, by the limbs of the database's strikes (S,). Others are
+    named by where they lead: ahead, back or to a side, whichever of the four directions is nearest, unless they rotate
+    more than they travel or do neither.
     """
     across, ahead, turn = np.asarray(actions.displacements, float).T
     distance = np.hypot(across, ahead)

@@ -24,13 +24,8 @@ def load_motion(
 ) -> MotionDatabase:
     """Return the motion database that a recipe asks for, from the given files or from the embedded boxer.
 
-    Clips of several skeletons are brought to the one with the longest motion.
-
-    Args:
-        recipe: The recipe.
-        files: Its files of capture.
-        progress: Called with (stage, done, total).
-        changes: Gets what was changed of clips of other skeletons, in words, by name.
+    Clips of several skeletons are brought to the one with the longest motion; ``changes`` gets what was changed of
+    them, in words, by name.
 
     Raises:
         MotionError: A file cannot be used: which, and why; or there are no strikes, and a behaviour needs them.

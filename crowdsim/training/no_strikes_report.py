@@ -36,14 +36,9 @@ class Fists:
 
 
 def require_no_strikes(recipe: Recipe, captures: Sequence[Capture]) -> None:
-    """Refuse to train on motion without strikes where behaviours need them.
+    """Raise a ``MotionError`` if behaviours need strikes, of motion that has none: how fast fists are, and what to do.
 
-    Args:
-        recipe: What is trained.
-        captures: The files of its motion; none of the embedded boxer's.
-
-    Raises:
-        MotionError: A behaviour needs strikes: how fast the fists are, and what can be done.
+    ``captures`` are the files of the motion; none of the embedded boxer's.
     """
     needy = {name: spec for name, spec in recipe.behaviours.items() if spec.strikes or spec.measured_by_strikes}
     if not needy:
@@ -68,11 +63,7 @@ def _kicks_left_out(captures: Sequence[Capture]) -> str:
 
 
 def measure_fists(name: str, capture: Capture) -> Fists:
-    """Return how fast the fists of a capture are.
-
-    Raises:
-        MotionError: It has no motion of a body of known size.
-    """
+    """Return how fast the fists of a capture are; a ``MotionError`` if it has no motion of a body of known size."""
     if capture.analysis is None or capture.unit_scale is None or capture.body is None:
         raise MotionError("no motion of a body")
     seconds, speed = capture.bvh.frame_count / capture.bvh.fps, capture.analysis.strikes.highest_speed

@@ -44,15 +44,7 @@ KIND_COLOURS = {
 def plot_bundle(policy: Policy, folder: str | Path) -> list[Path]:
     """Draw a policy: its graph, its strikes, and for every behaviour maps of values and best actions.
 
-    Args:
-        policy: The policy.
-        folder: Where the PNG go; made when it is missing.
-
-    Returns:
-        The files.
-
-    Raises:
-        OutputError: The folder or a file cannot be written.
+    Return the PNG files in the folder, which is made when it is missing.
     """
     from crowdsim.graph.plots import plot_graph
 

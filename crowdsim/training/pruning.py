@@ -21,9 +21,12 @@ from crowdsim.core.workers import share
 from crowdsim.graph.states import MotionGraph, graph_of_transitions
 from crowdsim.graph.transitions import Transitions, decision_frames, with_images
 from crowdsim.policy.actions import Actions, build_actions, leading_actions
-from crowdsim.policy.rewards import TargetBody, Term, TransitionTerm, once_of
+from crowdsim.policy.rewards import TargetBody, TransitionTerm, once_of
+from crowdsim.training.behaviours import Lesson
 from crowdsim.training.mirroring import solved_states
+from crowdsim.training.ranges import sample_targets
 from crowdsim.training.recipe import BehaviourSpec, PruningSpec, ValueIterationSpec
+from crowdsim.training.scales import fades_of
 
 if TYPE_CHECKING:
     from crowdsim.motion.database import MotionDatabase
@@ -44,19 +47,7 @@ def prune_graph(
     settings: PruningSpec,
     progress: Progress | None = None,
 ) -> MotionGraph:
-    """Return the graph of the transitions that are worth most to the behaviours.
-
-    Args:
-        database: The motion.
-        graph: The wide graph.
-        specs: What is to be learned, by name.
-        body: Sizes of the target.
-        settings: How much is kept.
-        progress: Called with (stage, done, total).
-
-    Raises:
-        MotionError: What is left has no cycle.
-    """
+    """Return the graph of the transitions of a wide graph that are worth most to the behaviours, given by name."""
     actions = build_actions(database, graph)
     values: dict[str, Array] = {}
     states = _judged_states(database, graph, specs)
@@ -115,8 +106,7 @@ def _frames_shown(transitions: Transitions, decisions: Array, database: MotionDa
         decisions | np.isin(np.arange(database.frame_count), np.asarray(database.segment_starts) - 1)
     )
     following = np.searchsorted(stops, transitions.targets)
-    result: Array = stops[np.minimum(following, len(stops) - 1)] - transitions.targets + 1
-    return result
+    return stops[np.minimum(following, len(stops) - 1)] - transitions.targets + 1
 
 
 def judge_transitions(
@@ -146,35 +136,26 @@ def judge_transitions(
         others adds to the value of its state, in parts of the behaviours' scales, shape (A,), float64. A counts the
         actions of the states that are solved (``mirroring.solved_states``).
     """
-    from crowdsim.training.behaviours import prepare_models, solve
     from crowdsim.training.kernels import judging
-    from crowdsim.training.ranges import sample_targets
-    from crowdsim.training.scales import action_values_at, decisive_scale, fades_of
 
     actions = leading_actions(actions, _judged_states(database, graph, specs))
     targets, values = sample_targets(database), {} if values is None else values
     worth = np.empty((len(specs), actions.action_count, len(targets)), np.float32)
     factors, prices = np.zeros((len(specs), len(targets))), np.zeros((len(specs), actions.action_count))
     for row, (name, spec) in enumerate(specs.items()):
-        label, rough = f"prune, {name}", _coarse(spec)
-        model_on, grid, terms = prepare_models(label, rough, database, actions, body, progress)
-        values[name] = solve(label, rough, model_on, grid, progress, values.get(name)).values
-        worth[row] = action_values_at(targets, grid, terms, values[name], spec.discount, actions, body)
-        fades = fades_of(grid, targets)
-        scale = decisive_scale(worth[row], actions, fades, float(np.abs(values[name]).max()))
+        lesson = Lesson(f"prune, {name}", _coarse(spec), database, actions, body, progress)
+        values[name] = lesson.solve(values.get(name)).values
+        worth[row], scale = lesson.judge(values[name], targets)
+        fades = fades_of(lesson.grid, targets)
         factors[row] = (fades / scale if scale > 0.0 else 0.0) if spec.normalise else fades
-        prices[row] = _prices(terms, actions)
+        priced = tuple(term for term in lesson.terms if isinstance(term, TransitionTerm))
+        prices[row] = -once_of(priced, actions)  # what the transition into each action costs
     keep, gains = np.zeros(actions.action_count, np.uint8), np.zeros(actions.action_count)
     jumps, judged = graph.action_has_transition[: len(keep)], judging.Judged(worth, factors, prices)
     share(actions.state_count, judging.judge_transitions, actions.offsets, jumps, judged, most, keep, gains)
     if progress is not None:
         progress("prune, transitions", actions.state_count, actions.state_count)
     return keep.astype(bool), gains
-
-
-def _prices(terms: tuple[Term, ...], actions: Actions) -> Array:
-    """Return what the transition into each action costs by a reward. Shape (A,)."""
-    return -once_of(tuple(one for one in terms if isinstance(one, TransitionTerm)), actions)
 
 
 def _values_at(frames: Array, values: dict[str, Array], of_frames: Array) -> dict[str, Array]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -72,9 +71,5 @@ def distances_behind(policy: Policy, speed: float, tables: tuple[LookupTables, A
 def tables_of(policy: Policy) -> tuple[LookupTables, Array]:
     """Return the behaviours that count as flat arrays, and their weights; float32, as training has compiled it."""
     counts = policy.weights > 0.0
-    behaviours = tuple(
-        replace(one, table=one.values().astype(np.float32), low=0.0, step=1.0)
-        for one, count in zip(policy.behaviours, counts, strict=True)
-        if count
-    )
+    behaviours = tuple(one.in_numbers() for one, count in zip(policy.behaviours, counts, strict=True) if count)
     return build_lookup_tables(policy.actions, behaviours, policy.body), policy.weights[counts]

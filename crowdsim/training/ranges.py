@@ -38,11 +38,7 @@ class Reach:
 
 
 def strike_reach(database: MotionDatabase) -> Reach:
-    """Return the region that the strikes of a database reach.
-
-    Raises:
-        MotionError: There are no strikes.
-    """
+    """Return the region that the strikes of a database reach."""
     check_strikes(database)
     x, y, z = np.asarray(database.strike_positions, dtype=float).T
     heads = np.asarray(database.head_heights, dtype=float)
@@ -50,11 +46,7 @@ def strike_reach(database: MotionDatabase) -> Reach:
 
 
 def check_strikes(database: MotionDatabase) -> None:
-    """Refuse motion without strikes.
-
-    Raises:
-        MotionError: There are none.
-    """
+    """Raise a ``MotionError`` if motion has no strikes."""
     if len(database.strike_frames):
         return
     raise MotionError(
@@ -81,9 +73,6 @@ def striking_range(database: MotionDatabase) -> tuple[float, float]:
 
     Over the ground, to the centre of the head that the fist or foot touches, from the avatar's ground frame: where a
     punch lands, and ``SWING`` before a kick does.
-
-    Raises:
-        MotionError: There are no strikes.
     """
     check_strikes(database)
     frames, limbs = np.asarray(database.strike_frames, np.int64), np.asarray(database.strike_limbs)
@@ -100,11 +89,7 @@ def striking_range(database: MotionDatabase) -> tuple[float, float]:
 
 
 def resolve_terms(spec: BehaviourSpec, database: MotionDatabase) -> tuple[Term, ...]:
-    """Return the reward terms of a behaviour; a distance that its recipe leaves out is where strikes reach.
-
-    Raises:
-        MotionError: A distance is left out, and there are no strikes.
-    """
+    """Return the reward terms of a behaviour; a distance that its recipe leaves out is where strikes reach."""
     terms: list[Term] = []
     for term in spec.rewards:
         if isinstance(term, ProximityTerm | HitTerm) and term.distance is None:
@@ -166,11 +151,7 @@ class Observed:
     database: MotionDatabase
 
     def beyond_strikes(self) -> float:
-        """Return how far away a target is worth seeing: what strikes reach, and a step [m].
-
-        Raises:
-            MotionError: There are no strikes.
-        """
+        """Return how far away a target is worth seeing: what strikes reach, and a step [m]."""
         check_strikes(self.database)
         places = np.asarray(self.database.strike_positions, dtype=float)
         reach = float(np.percentile(np.hypot(places[:, 0], places[:, 2]), 98.0))
@@ -197,12 +178,7 @@ class Observed:
 
 
 def resolve_grid(spec: BehaviourSpec, database: MotionDatabase) -> Grid:
-    """Return the grid of a behaviour; ranges that its recipe leaves out come from the motion.
-
-    Raises:
-        MotionError: A range is where strikes reach, and there are no strikes.
-        RecipeError: A range is empty.
-    """
+    """Return the grid of a behaviour; ranges that its recipe leaves out come from the motion."""
     axes, motion = [], Observed(spec, database)
     for name, axis in spec.axes.given().items():
         kind = kind_named(name)

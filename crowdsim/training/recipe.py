@@ -1,7 +1,8 @@
-"""Training recipes: YAML files on motion, graph and behaviours, with all defaults of training."""
+"""Training recipes: YAML files on motion, graph and behaviours, with all defaults of training, and their reference."""
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import Field, create_model, model_validator
 
 from crowdsim.config.files import Fault, StrictModel, load_model
+from crowdsim.config.reference import reference_page
 from crowdsim.core.types import FileName
 from crowdsim.errors import RecipeError, nearest
 from crowdsim.graph.settings import GraphSettings
@@ -20,9 +22,7 @@ from crowdsim.policy.defence import NAME as DEFEND
 from crowdsim.policy.environment import MOST_AXES
 from crowdsim.policy.rewards import AnyTerm, HitTerm, ProximityTerm, StrikeTerm, term_name
 from crowdsim.training.motion_source import MAXIMUM_SEED, Motion
-from crowdsim.training.recipe_parts import DefenceSpec, RestSpec
 
-FORMAT = 1
 MEASURED = ("distance", "bearing", "height")
 """Axes on which the region lies that strikes reach (``ranges.Reach``)."""
 _MOST_CELLS = 1_000_000
@@ -225,16 +225,38 @@ class PruningSpec(StrictModel):
 
     transitions: int = Field(default=8, ge=1, le=1000, description="Most transitions out of a frame.")
     spacing: float = Field(
-        default=0.33,
-        ge=0.0,
-        le=1000.0,
-        description="Least time between decisions of a clip [s]; 0 keeps them all.",
+        default=0.33, ge=0.0, le=1000.0, description="Least time between decisions of a clip [s]; 0 keeps them all."
     )
     landing: float = Field(
         default=0.25,
         ge=0.0,
         le=1000.0,
         description="Least time from a transition to the next decision, and so to the next transition [s].",
+    )
+
+
+class DefenceSpec(StrictModel):
+    """How the behaviour ``defend`` is learned: in fights of pairs of avatars with the recipe's other behaviours."""
+
+    rounds: int = Field(
+        default=4, ge=1, le=100, description="Rounds of fights; in all but the first, one of each pair defends itself."
+    )
+    pairs: int = Field(default=192, ge=1, le=200, description="Pairs that fight at a time.")
+    seconds: float = Field(default=900.0, ge=10.0, le=100_000.0, description="How long each round lasts [s].")
+    temperature: float = Field(
+        default=0.5, ge=0.0, le=100.0, description="Randomness of the draw of those that learn, see the type's key."
+    )
+    counter: float = Field(
+        default=0.1, ge=0.0, le=10.0, description="What a hit is worth that an avatar lands, over one that it takes."
+    )
+    seed: int = Field(default=0, ge=0, le=MAXIMUM_SEED, description="Seed of the fights.")
+
+
+class RestSpec(StrictModel):
+    """How avatars rest that need not fight: they stand at ease, by what the motion holds of that."""
+
+    seconds: float = Field(
+        default=1.0, ge=0.2, le=10.0, description="About how long avatars at ease go on before they decide anew [s]."
     )
 
 
@@ -308,13 +330,13 @@ class Recipe(StrictModel):
         return self
 
 
-def load_recipe(path: FileName, overrides: list[str] | tuple[str, ...] = ()) -> Recipe:
+def load_recipe(path: FileName) -> Recipe:
     """Return the recipe of a YAML file; its folder of capture is seen from the file's, and so is right from anywhere.
 
     Raises:
         RecipeError: With a line for everything that is wrong, its line and column, and what was expected.
     """
-    recipe = load_model(path, Recipe, RecipeError, overrides)
+    recipe = load_model(path, Recipe, RecipeError)
     capture = recipe.motion.capture
     if capture is None or capture.folder is None:
         return recipe
@@ -328,3 +350,41 @@ def plain(recipe: Recipe) -> dict[str, Any]:
     if document["motion"]["capture"] is not None:
         document["motion"]["capture"]["folder"] = None
     return document
+
+
+_HEAD = """# Recipe files
+
+Every key of a training recipe, from the schema that checks it. Lengths are metres, times seconds, angles radians. A key
+without a default must be given. `crowdsim validate FILE` names everything that is wrong with a recipe, and
+`crowdsim train FILE` trains it. The shipped recipes are examples: `boxer.yaml` of the embedded boxer, `boxer_cmu.yaml`
+of capture, `boxer_defender.yaml` of a boxer that learns in fights to defend itself, `boxer_paper.yaml` of the paper's
+method, `stick_fighter.yaml` of a performer with a stick. A file has at most 1 MiB of UTF-8, 100,000 values and 64
+levels; names of clips cannot lead out of the folder of capture.
+
+<!-- Written from the schema by crowdsim.training.recipe; do not edit. -->
+"""
+
+_AXES = """
+## What axes observe
+
+A grid has a distance and up to four other axes. Control looks an axis up by what it observes in the fight. In training
+nobody else acts, so each axis has a model of how the target develops while an action of the avatar runs: Q of an action
+is its reward plus the value of what the axes measure at its end, and rewards see the target as it moves meanwhile. With
+a `velocity` values are those of moving targets; without one control reads them for where a moving target will be some
+time later. An `impact` changes what is learned with the reward `hit`, and when a behaviour counts with a `fade`.
+
+| axis | control observes | in training |
+|---|---|---|
+"""
+
+
+def recipe_schema() -> str:
+    """Return the JSON Schema of recipe files as text; editors complete and check recipes by it."""
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Recipe.model_json_schema()}
+    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
+
+
+def recipe_reference() -> str:
+    """Return docs/recipes.md: every key of a recipe with its type, its default and its meaning, and what axes see."""
+    rows = "".join(f"| `{kind.name}` | {kind.observed} | {kind.trained} |\n" for kind in AXES)
+    return reference_page(json.loads(recipe_schema()), _HEAD) + _AXES + rows

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from collections import namedtuple
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
-
-if TYPE_CHECKING:
-    from crowdsim.training.kernels.successors import Layers
-    from crowdsim.training.model import Model
+from crowdsim.training.model import Model
 
 
 @dataclass(frozen=True)
@@ -55,27 +53,14 @@ PUT = 4096
 """Entries of a Q-table that a thread writes at least."""
 
 
-class SweepModel(NamedTuple):
-    """The arrays of a model that sweeps read (``Model``)."""
-
-    offsets: Array
-    next: Array
-    discounts: Array
-    axes: Array
-    ends: Array
-    layered: Layers
-    xs: Array
-    zs: Array
-    probabilities: Array
-    near: Array
-    landed: Array
-    landed_cells: Array
-    landed_rewards: Array
+_ARRAYS = [field.name for field in fields(Model) if field.name not in ("grid", "discount")]
+SweepModel = namedtuple("SweepModel", _ARRAYS)  # type: ignore[misc]
+"""The arrays of a model, for compiled code."""
 
 
-def sweep_model(model: Model) -> SweepModel:
+def sweep_model(model: Model) -> Any:
     """Return the model's arrays for compiled code."""
-    return SweepModel(*(getattr(model, name) for name in SweepModel._fields))
+    return SweepModel(*(getattr(model, name) for name in _ARRAYS))
 
 
 def q_table(model: Model, values: Array) -> Array:

@@ -136,9 +136,7 @@ def _count_falls(falls: FallSpans, mirrored: bool) -> dict[str, list[float]]:
 def inspect_bundle(policy: Policy, timings: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """Return what ``crowdsim inspect BUNDLE`` reports, plain data.
 
-    Args:
-        policy: The policy.
-        timings: What ``bundle.read_timings`` returned; without it the seconds are null.
+    Without timings (``bundle.read_timings``) the seconds are null.
     """
     by_name = (timings or {}).get("behaviours", {})
     report = {"name": policy.name, **policy.statistics, "fingerprint": policy.fingerprint}

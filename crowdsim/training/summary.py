@@ -16,10 +16,6 @@ from crowdsim.training.weaknesses import find_weaknesses
 def summarise(statistics: Mapping[str, Any], recipe: Path) -> dict[str, Any]:
     """Return a summary of a policy as plain data.
 
-    Args:
-        statistics: Those of its bundle.
-        recipe: Its recipe.
-
     Returns:
         ``motion``: clips, seconds, mirrored, control frames, those that the graph keeps. ``retargeted``: what was
         changed of clips of other skeletons, by name. ``strikes``: how many, by hand, foot, kind and

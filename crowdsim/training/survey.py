@@ -71,10 +71,6 @@ def survey_capture(folder: FileName, progress: Progress | None = None) -> Survey
     Files with other skeletons than most of the motion has note what is changed to bring them to that one; they are
     left out where they are too unlike. Each of several people in a file is a file of the survey.
 
-    Args:
-        folder: The folder.
-        progress: Called with (stage, files done, files).
-
     Raises:
         PolicyError: There is no such folder, or no BVH file in it.
         MotionError: No file can be used: each with its reason.

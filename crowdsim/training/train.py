@@ -1,20 +1,21 @@
-"""Training: from a recipe to a bundle, and only when there is none yet or the one there is stale."""
+"""Training: from a recipe to a bundle, one process at a time, and only when there is none yet or it is stale."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from filelock import FileLock, Timeout
 
 from crowdsim import assets
 from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.core.workers import limited
-from crowdsim.errors import PolicyError, RecipeError, VersionError, under_way
+from crowdsim.errors import CrowdsimError, MotionError, PolicyError, RecipeError, VersionError, under_way
 from crowdsim.graph.motion_graph import MotionGraph
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.policy import bundle
@@ -25,12 +26,10 @@ from crowdsim.policy.policy import Behaviour, Policy
 from crowdsim.policy.rests import add_rests
 from crowdsim.policy.rewards import target_body
 from crowdsim.training.behaviours import train_behaviour
-from crowdsim.training.contexts import alone, naming
 from crowdsim.training.fingerprint import capture_files, combine, fingerprints_of
 from crowdsim.training.motion_loading import load_motion
 from crowdsim.training.packing import read_packed, unpack_policy
-from crowdsim.training.recipe import Recipe, load_recipe, plain
-from crowdsim.training.recipe_parts import DefenceSpec
+from crowdsim.training.recipe import DefenceSpec, Recipe, load_recipe, plain
 from crowdsim.training.solution import Solution
 
 Sparring = Callable[[Policy, DefenceSpec, float, Progress | None], Array]
@@ -171,11 +170,7 @@ def stale(folder: Path, recipe: Recipe, mocap: FileName | None = None) -> str:
 
 
 def _packed(path: Path, recipe: Recipe, mocap: FileName | None) -> Path | None:
-    """Return the packed policy of a recipe's file; None where there is none, or it is stale.
-
-    Raises:
-        PolicyError: It is foreign or damaged.
-    """
+    """Return the packed policy of a recipe's file; None where there is none, or it is stale."""
     packed = assets.packed_policy(path)
     if packed is None or _changed_parts(read_packed(packed)["policy"], recipe, mocap):
         return None
@@ -309,3 +304,42 @@ def _join_tables(behaviours: list[Behaviour]) -> tuple[tuple[Behaviour, ...], Ar
     ends = np.cumsum([len(behaviour.table) for behaviour in behaviours])
     parts = [values[end - len(one.table) : end] for one, end in zip(behaviours, ends, strict=True)]
     return tuple(replace(one, table=part) for one, part in zip(behaviours, parts, strict=True)), values
+
+
+@contextmanager
+def alone(folder: Path, progress: Progress | None) -> Iterator[bool]:
+    """Let one process at a time train a bundle; give whether this one had to wait for another.
+
+    Where files cannot be locked, each trains for itself, and the last one's bundle stays.
+    """
+    path = folder.with_name(f".{folder.name}.lock")
+    lock = FileLock(path)
+    waited = False
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            waited = True
+            if progress is not None:
+                progress("wait for another process that trains it", 0, 1)
+            lock.acquire()
+    except (OSError, NotImplementedError):
+        yield waited
+        return
+    try:
+        yield waited
+    finally:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+        lock.release()
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Put the recipe's file before what is wrong with what it names."""
+    try:
+        yield
+    except (MotionError, PolicyError) as error:
+        kind: type[CrowdsimError] = type(error)
+        raise kind(f"{path}: {error}") from None

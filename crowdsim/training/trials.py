@@ -7,15 +7,14 @@ that decides and do the rest in numpy, so that nothing is compiled for them.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.motion import ground
 from crowdsim.policy.axes.axis import UNSEEN_STRIKE
-from crowdsim.policy.environment import Grid
-from crowdsim.policy.policy import Behaviour, LookupTables, Policy, build_lookup_tables
+from crowdsim.policy.policy import Behaviour, Policy, build_lookup_tables
 from crowdsim.policy.rewards import HitTerm, ProximityTerm, StrikeTerm, lands, surface_distance
 from crowdsim.training.evaluation import random_starts
 from crowdsim.training.ranges import strike_reach
@@ -58,7 +57,7 @@ class Success:
     share_behind: float | None
 
 
-def measure_success(policy: Policy, behaviour: Behaviour, starts: int = STARTS) -> Success:
+def measure_success(policy: Policy, behaviour: Behaviour) -> Success:
     """Return how often a behaviour does what it is for.
 
     One that is rewarded for strikes has succeeded when one lands, any other when it comes to where the target is
@@ -69,13 +68,12 @@ def measure_success(policy: Policy, behaviour: Behaviour, starts: int = STARTS) 
     Args:
         policy: Its actions, and the motion that says what strikes reach.
         behaviour: The behaviour; it alone decides.
-        starts: How many trials there are; the same number gives the same trials.
     """
     strikes = [term.tolerance for term in behaviour.terms if isinstance(term, StrikeTerm)]
     wanted = [term.between[1] for term in behaviour.terms if isinstance(term, ProximityTerm)]
     hits = [term.distance for term in behaviour.terms if isinstance(term, HitTerm) and term.distance is not None]
     evades = bool(hits) and not strikes and not wanted
-    states, targets = _starts(policy, bool(strikes), bool(wanted), starts)
+    states, targets = starts_of_trials(policy, bool(strikes), bool(wanted), STARTS)
     if evades:
         seconds, goal = WARNED, _Goal(outside=hits[0])
         targets *= (hits[0][0] + hits[0][1]) / 2.0 / np.hypot(targets[:, :1], targets[:, 2:]) * [1, 0, 1] + [0, 1, 0]
@@ -106,7 +104,7 @@ class _Goal:
     outside: tuple[float, float] | None = None
 
 
-def _starts(policy: Policy, strikes: bool, walks: bool, count: int) -> tuple[Array, Array]:
+def starts_of_trials(policy: Policy, strikes: bool, walks: bool, count: int) -> tuple[Array, Array]:
     """Return states (N,) and targets (N, 3) at the start of each trial."""
     database = policy.database
     heads = np.asarray(database.head_heights, dtype=float)
@@ -134,7 +132,7 @@ def _run_trials(
     from crowdsim.policy.kernels.axes import Corners
     from crowdsim.policy.kernels.values import evaluate_actions
 
-    tables = _tables_of(policy, behaviour)
+    tables = build_lookup_tables(policy.actions, (behaviour.everywhere().in_numbers(),), policy.body)
     actions = policy.actions
     most = int(np.diff(actions.offsets).max())
     corners, values = Corners(np.empty(64, np.int64), np.empty(64)), np.empty(most)
@@ -176,11 +174,3 @@ def _time_in_action(policy: Policy, action: int, target: Array, goal: _Goal, lef
         if lands(surface_distance(actions.strike_positions[strike], target, policy.body), goal.tolerance or 0.0):
             return float(actions.strike_times[strike])
     return math.inf
-
-
-def _tables_of(policy: Policy, behaviour: Behaviour) -> LookupTables:
-    """Return a behaviour that counts fully wherever the target is; float32, as training has compiled it."""
-    axes = tuple(replace(axis, fade=0.0) for axis in behaviour.grid.axes)
-    table = behaviour.values().astype(np.float32)
-    alone = replace(behaviour, grid=Grid(axes), scale=1.0, table=table, low=0.0, step=1.0)
-    return build_lookup_tables(policy.actions, (alone,), policy.body)

@@ -130,12 +130,7 @@ def _shift(gains: list[float]) -> float:
 
 
 def _iterate_q(
-    model: Model,
-    tolerance: float,
-    max_sweeps: int,
-    evaluations: int,
-    residuals: list[float],
-    progress: Progress | None,
+    model: Model, tolerance: float, max_sweeps: int, evaluations: int, residuals: list[float], progress: Progress | None
 ) -> tuple[Array, Array, int]:
     cells, layers = model.grid.cells, model.grid.layers
     packed = sweep_model(model)

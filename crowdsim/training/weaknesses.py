@@ -43,11 +43,7 @@ FEW_ACTIONS = 4
 _NAMED = 3
 
 
-TASKS = {
-    "arrive": "comes to its target",
-    "strike": "lands a strike",
-    "evade": "keeps clear of a strike",
-}
+TASKS = {"arrive": "comes to its target", "strike": "lands a strike", "evade": "keeps clear of a strike"}
 """What behaviours are tried at (``trials.measure_success``), in words."""
 
 

@@ -19,8 +19,8 @@ from scenes import crowdsim
 from crowdsim.errors import TakeError
 from crowdsim.motion.strikers import LIMBS
 from crowdsim.policy import checks
-from crowdsim.policy.behind_checks import BEHIND, relations_behind
 from crowdsim.policy.bundle import file_hash, with_checksum
+from crowdsim.policy.checks import BEHIND, relations_behind
 from crowdsim.policy.flattening import flatten_policy
 from crowdsim.runs.checkpoint import read_checkpoint, write_checkpoint
 from crowdsim.runs.manifest import signed_text

@@ -11,8 +11,7 @@ from crowdsim.errors import RecipeError
 from crowdsim.policy.axes.registry import NAMES
 from crowdsim.policy.rewards import TERMS
 from crowdsim.policy.terms.registry import names
-from crowdsim.training.recipe import Axes, load_recipe
-from crowdsim.training.recipe_reference import recipe_reference, recipe_schema
+from crowdsim.training.recipe import Axes, load_recipe, recipe_reference, recipe_schema
 
 RECIPE = """\
 version: 1

@@ -17,8 +17,8 @@ from crowdsim.training.trials import (
     WARNED,
     _Goal,
     _run_trials,
-    _starts,
     measure_success,
+    starts_of_trials,
 )
 
 
@@ -31,7 +31,7 @@ def test_trials_end_when_the_compiled_episodes_do(policy):
     rate = policy.database.control_rate
     for name, seconds, within in (("approach", ARRIVED_WITHIN, 0.6 + CLOSE), ("punch", LANDED_WITHIN, 0.5)):
         behaviour = policy.behaviour(name)
-        states, targets = _starts(policy, name == "punch", name == "approach", 40)
+        states, targets = starts_of_trials(policy, name == "punch", name == "approach", 40)
         settings = EpisodeSettings(seconds, within=within)
         expected = run_episodes(policy.actions, behaviour, policy.body, rate, states, targets, settings)
         goal = _Goal(tolerance=behaviour.terms[0].tolerance) if name == "punch" else _Goal(within=within)

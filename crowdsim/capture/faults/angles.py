@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from crowdsim.capture.columns import rotation_columns, with_motion
+from crowdsim.capture.columns import rotation_columns
 from crowdsim.capture.evidence import Evidence
 from crowdsim.capture.faults.diagnosis import Diagnosis
 from crowdsim.capture.reading import Reading
@@ -49,7 +49,7 @@ class Angles:
             if (factor < 1.0) == (most > _TWICE) and most <= limit:
                 motion = reading.bvh.motion.copy()
                 motion[:, columns] *= factor
-                read = replace(reading, bvh=with_motion(reading.bvh, motion))
+                read = replace(reading, bvh=replace(reading.bvh, motion=motion))
                 evidence = read.evidence
                 if evidence is not None and _plausible(evidence):
                     found.append((evidence.unrest, unit, read))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from crowdsim.bvh.io import Bvh
-from crowdsim.capture.columns import position_columns, rotation_columns, with_motion
+from crowdsim.capture.columns import position_columns, rotation_columns
 from crowdsim.capture.faults.diagnosis import Diagnosis
 from crowdsim.capture.reading import Reading
 from crowdsim.core.types import Array
@@ -110,14 +110,14 @@ def _moved(bvh: Bvh, joints: list[int], factor: float, add: bool) -> Bvh:
     for joint in joints:
         columns = position_columns(bvh, joint)
         motion[:, columns] = motion[:, columns] * factor + (bvh.offsets[joint] if add else 0.0)
-    return with_motion(bvh, motion)
+    return replace(bvh, motion=motion)
 
 
 def _with_offsets(bvh: Bvh, joints: list[int]) -> Bvh:
     motion = bvh.motion.copy()
     for joint in joints:
         motion[:, position_columns(bvh, joint)] = bvh.offsets[joint]
-    return with_motion(bvh, motion)
+    return replace(bvh, motion=motion)
 
 
 def _local(bvh: Bvh, joints: list[int]) -> Bvh:
@@ -126,4 +126,4 @@ def _local(bvh: Bvh, joints: list[int]) -> Bvh:
     motion = bvh.motion.copy()
     for index, joint in enumerate(joints):
         motion[:, position_columns(bvh, joint)] = between[:, index]
-    return with_motion(bvh, motion)
+    return replace(bvh, motion=motion)

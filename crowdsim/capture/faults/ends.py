@@ -56,12 +56,7 @@ class Ends:
         lost[:first] = True
         lost[clip.frame_count - last :] = True
         return Diagnosis(
-            self.name,
-            " and ".join(parts),
-            0.95,
-            "leave_out",
-            "they are left out",
-            lambda: replace(reading, lost=lost),
+            self.name, " and ".join(parts), 0.95, "leave_out", "they are left out", lambda: replace(reading, lost=lost)
         )
 
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from crowdsim.bvh.io import Bvh
-from crowdsim.capture.columns import with_motion
 from crowdsim.capture.faults.diagnosis import Diagnosis, by_confidence
 from crowdsim.capture.reading import Reading
 from crowdsim.motion.joint_names import split_name
@@ -80,4 +79,4 @@ def _mirrored(bvh: Bvh) -> Bvh:
             if name in ("Xposition", "Yrotation", "Zrotation"):
                 signs[int(starts[joint]) + place] = -1.0
     mirror = np.array([-1.0, 1.0, 1.0])
-    return with_motion(bvh, bvh.motion * signs, offsets=bvh.offsets * mirror, end_offsets=bvh.end_offsets * mirror)
+    return replace(bvh, motion=bvh.motion * signs, offsets=bvh.offsets * mirror, end_offsets=bvh.end_offsets * mirror)

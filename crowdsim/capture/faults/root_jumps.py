@@ -67,10 +67,7 @@ class RootJumps:
         far = float(excess.max()) * size
         if len(jumps) > max(4, _MOST * clip.frame_count):
             return Diagnosis(
-                self.name,
-                f"the root jumps {len(jumps)} times, by {far:.2f} m at the most in one frame",
-                0.95,
-                "refuse",
+                self.name, f"the root jumps {len(jumps)} times, by {far:.2f} m at the most in one frame", 0.95, "refuse"
             )
         sorted_out = _sort_out(reading, jumps, path)
         parts = []
@@ -150,7 +147,5 @@ def _repaired(reading: Reading, jumps: _Jumps) -> Reading:
     for first, last in jumps.lost:
         lost[first : last + 1] = True
     return replace(
-        reading.with_path(path),
-        lost=lost if lost.any() else None,
-        cuts=tuple(sorted({*reading.cuts, *jumps.cuts})),
+        reading.with_path(path), lost=lost if lost.any() else None, cuts=tuple(sorted({*reading.cuts, *jumps.cuts}))
     )

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from crowdsim.bvh.io import Bvh
-from crowdsim.capture.columns import rotation_columns, with_motion
+from crowdsim.capture.columns import rotation_columns
 from crowdsim.capture.evidence import Evidence
 from crowdsim.capture.faults.diagnosis import Diagnosis, by_confidence
 from crowdsim.capture.reading import Reading
@@ -76,7 +76,7 @@ def _readings(bvh: Bvh) -> Iterator[tuple[str, Bvh]]:
     yield "rotations of all joints are in the opposite order", replace(bvh, channels=channels)
     motion = bvh.motion.copy()
     motion[:, rotation_columns(bvh)] *= -1.0
-    yield "angles have the opposite sense", with_motion(bvh, motion)
+    yield "angles have the opposite sense", replace(bvh, motion=motion)
     root = bvh.channels[0]
     angles, places = ([name for name in root if name.endswith(kind)] for kind in ("rotation", "position"))
     if len(angles) == len(places) == 3:

@@ -7,9 +7,6 @@ Wherever the target is, ``AxisKind.after`` says what becomes of it while an acti
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any
-
 from crowdsim.jit import kernel
 from crowdsim.policy.axes.axis import AxisKind
 from crowdsim.policy.axes.bearing import KIND as BEARING
@@ -18,6 +15,7 @@ from crowdsim.policy.axes.heading import KIND as HEADING
 from crowdsim.policy.axes.height import KIND as HEIGHT
 from crowdsim.policy.axes.impact import KIND as IMPACT
 from crowdsim.policy.axes.velocity import KIND as VELOCITY
+from crowdsim.policy.dispatch_kernels import for_kinds
 
 AXES: tuple[AxisKind, ...] = (DISTANCE, BEARING, HEIGHT, HEADING, VELOCITY, IMPACT)
 """Every axis, in the order in which a grid holds them, those over the ground first. Its place is its kind in a
@@ -40,30 +38,8 @@ def _stays(value, end):
     return value
 
 
-def _either(kind: int, does: str, own: Any, others: Any) -> Any:
-    """Return a kernel that calls one kernel for a kind of axis, and another one for all other kinds."""
-
-    def call(given, *arguments):  # type: ignore[no-untyped-def]
-        if given == kind:
-            return own(*arguments)
-        return others(given, *arguments)
-
-    def call_own(given, *arguments):  # type: ignore[no-untyped-def]
-        return own(*arguments)
-
-    return kernel(call_own if others is None else call, inline=True, name=f"{does}_{NAMES[kind]}_or_others")
-
-
-def _for_each(does: str, kernels: Iterable[Any]) -> Any:
-    """Return a kernel that does for an axis of any kind what the kernel of its kind does."""
-    chosen = None
-    for kind, own in enumerate(kernels):
-        chosen = _either(kind, does, own, chosen)
-    return chosen
-
-
-measure = _for_each("measure", [axis.measure for axis in AXES])
+measure = for_kinds((kind, f"measure_{axis.name}", axis.measure) for kind, axis in enumerate(AXES))
 """Kernel: what an axis of a kind measures of a target, ``measure(kind, target)``."""
 
-after = _for_each("follow", [axis.after or _stays for axis in AXES])
+after = for_kinds((kind, f"follow_{axis.name}", axis.after or _stays) for kind, axis in enumerate(AXES))
 """Kernel: what it measures after an action, ``after(kind, value, end)``, see ``AxisKind.after``."""

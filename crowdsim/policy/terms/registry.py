@@ -14,7 +14,7 @@ from pydantic import Field
 
 from crowdsim.core.types import Array
 from crowdsim.errors import RecipeError
-from crowdsim.jit import kernel
+from crowdsim.policy.dispatch_kernels import for_kinds
 from crowdsim.policy.terms.hit import HitTerm
 from crowdsim.policy.terms.proximity import ProximityTerm
 from crowdsim.policy.terms.strike import StrikeTerm
@@ -82,29 +82,12 @@ def names() -> list[str]:
 def for_frame_terms(build: Callable[[str, Any, Any], Any]) -> Any:
     """Return a kernel that does for a term of any kind that counts at frames what others do for terms of one kind.
 
-    Args:
-        build: Returns the kernel for one kind, from its name and its ``at_frames``.
-
-    Returns:
-        A kernel that takes the kind, and then what the others take.
+    It takes the kind, and then what the others take. ``build`` returns these for the name of a kind and its
+    ``at_frames``.
     """
-    chosen = None
-    for kind, (name, term) in enumerate(zip(names(), TERMS, strict=True)):
-        if term.at_frames is not None:
-            own = build(name, *term.at_frames)
-            chosen = _either(kind, f"{own.__name__}_or_others", own, chosen)
-    return chosen
-
-
-def _either(kind: int, name: str, own: Any, others: Any) -> Any:
-    """Return a kernel that calls one kernel for a kind, and another one for all other kinds."""
-
-    def call(given, *arguments):  # type: ignore[no-untyped-def]
-        if given == kind:
-            return own(*arguments)
-        return others(given, *arguments)
-
-    def call_own(given, *arguments):  # type: ignore[no-untyped-def]
-        return own(*arguments)
-
-    return kernel(call_own if others is None else call, inline=True, name=name)
+    cases = [
+        (kind, build(name, *term.at_frames))
+        for kind, (name, term) in enumerate(zip(names(), TERMS, strict=True))
+        if term.at_frames is not None
+    ]
+    return for_kinds((kind, own.__name__, own) for kind, own in cases)

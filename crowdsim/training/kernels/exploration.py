@@ -6,8 +6,7 @@ import numpy as np
 
 from crowdsim.jit import kernel
 from crowdsim.training.kernels.draws import draw_number
-from crowdsim.training.kernels.model import earned_in
-from crowdsim.training.kernels.q_tables import best_after, best_entry
+from crowdsim.training.kernels.q_tables import best_after, best_entry, earned_in
 from crowdsim.training.kernels.successors import empty_successors
 
 GOLDEN = 0.6180339887498949

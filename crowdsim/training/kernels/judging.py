@@ -9,13 +9,7 @@ from crowdsim.jit import kernel
 from crowdsim.policy.axes.axis import UNSEEN_STRIKE, Target
 from crowdsim.policy.kernels.axes import find_layers_after
 from crowdsim.training.kernels.rewards import earned_where, write_near
-from crowdsim.training.kernels.successors import (
-    DISTANCE,
-    corners_of,
-    empty_successors,
-    find_successors,
-    weights_of,
-)
+from crowdsim.training.kernels.successors import DISTANCE, corners_of, empty_successors, find_successors, weights_of
 
 WORST = -1e30  # below all values
 

@@ -3,14 +3,35 @@
 import numpy as np
 
 from crowdsim.jit import kernel
-from crowdsim.training.kernels.model import expected_reward
-from crowdsim.training.kernels.successors import (
-    DISTANCE,
-    corners_of,
-    empty_successors,
-    find_successor,
-    weights_of,
-)
+from crowdsim.training.kernels.successors import DISTANCE, corners_of, empty_successors, find_successor, weights_of
+
+
+@kernel(allocates=False)
+def earned_in(model, outcome, action, m, cell):
+    """Return r(a, c, o) of one cell, which is in the moving cell ``m``."""
+    row = outcome * len(model.next) + action
+    low, end = model.landed[row], model.landed[row + 1]
+    near = model.near[outcome, action]
+    earned = near[0] if len(near) == 1 else (near[m] if len(near) == len(model.xs) else near[cell])
+    if low == end:
+        return earned
+    high = end
+    while low < high:
+        middle = (low + high) // 2
+        if model.landed_cells[middle] < cell:
+            low = middle + 1
+        else:
+            high = middle
+    return earned + model.landed_rewards[low] if low < end and model.landed_cells[low] == cell else earned
+
+
+@kernel(allocates=False)
+def expected_reward(model, action, m, cell):
+    """Return r(a, c), averaged over the velocities of the target."""
+    total = model.probabilities[0] * earned_in(model, 0, action, m, cell)
+    for outcome in range(1, len(model.probabilities)):
+        total += model.probabilities[outcome] * earned_in(model, outcome, action, m, cell)
+    return total
 
 
 @kernel(fastmath={"nnan", "nsz", "reassoc", "contract"}, allocates=False)

@@ -177,15 +177,7 @@ def list_corners(axes, ends, xs, zs, cells, weights):
 
 @kernel(allocates=False)
 def find_moved(model, layers, layer, end, found):
-    """Do what ``find_successors`` does by ``Model.axes`` for targets that move as those of a layer do.
-
-    Args:
-        model: ``SweepModel``.
-        layers: Layers of the grid.
-        layer: The layer.
-        end: The action's record of ``Model.ends``.
-        found: Written.
-    """
+    """Do what ``find_successors`` does for targets that move as those of a layer of a ``SweepModel`` do."""
     frames = min(end.frames, model.layered.lasts)
     for m in range(len(model.xs)):
         c = m * layers + layer
