@@ -15,13 +15,19 @@ from crowdsim.crowd.kernels.decide import decide
 from crowdsim.crowd.kernels.knock_downs import knock_down
 from crowdsim.crowd.kernels.layout import ENTERED, Now, Observed
 from crowdsim.crowd.kernels.record import write_record
+from crowdsim.crowd.kernels.records import THROWN
 from crowdsim.crowd.kernels.resolve import list_strikes, resolve
+from crowdsim.crowd.kernels.staggers import NEIGHBOURS, SEES, list_thrown, stagger
 from crowdsim.crowd.opponents import Index
 from crowdsim.crowd.workers import Workers
 from crowdsim.errors import RunError
 
 _TOGETHER = 8192
 """Avatars of one thread that observe and choose together; what they note stays in a processor's cache."""
+
+
+_STARTS = 0.4
+"""How far avatars move at the most as they start an action [m]."""
 
 
 class Stages:
@@ -162,7 +168,19 @@ class Stages:
             observed = Observed(np.empty(1, np.int32), np.empty(1, np.int32), np.empty((1, most), np.int32))
             distances, hits = np.empty(present), np.empty(present, np.int64)
             knock_down(self._model, self._avatars, world, now, thrown, 0, held, self._due, observed, distances, hits)
+        self._stagger(world, now, thrown[:held])
         return thrown[:held]
+
+    def _stagger(self, world: World, now: Now, strikes: Array) -> None:
+        """Let avatars stagger that strikes throw off their feet."""
+        thrown = np.empty(len(strikes), THROWN)
+        count = list_thrown(self._model, self._avatars, world, now, strikes, 0, len(strikes), thrown)
+        if count:
+            some = np.sort(thrown[:count], order="slot")
+            room = Observed(*np.empty((2, count), np.int32), np.empty((count, NEIGHBOURS), np.int32))
+            # The index knows where avatars were before some of them started an action in this frame.
+            self._index.observe(self._avatars, some["slot"], SEES + _STARTS, room)
+            stagger(self._model, self._avatars, world, now, some, room)
 
 
 def lost_avatar(avatars: Avatars, slot: int, frame: int) -> RunError:

@@ -11,14 +11,15 @@ from crowdsim.core.types import Array
 from crowdsim.policy.falls import numbers_of
 
 FALLS = ("falls_fall", "falls_lie", "falls_rise", "falls_stagger")
+CHEERS = ("falls_cheer",)
 OF_FALLS = (*FALLS, "falls_direction", "falls_stagger_direction")
 """Names of the arrays of ``policy.falls.Falls``, all of which are there or none: numbers of actions, and all."""
 
+OF_CHEERS = (*CHEERS, "falls_cheer_stop")
+"""Likewise of celebrations; only where there are falls, and not in older bundles."""
+
 OF_STOPS = ("falls_stop", "falls_stagger_stop")
 """Likewise where falls and staggers are over; only where there are falls, and not in older bundles."""
-
-OF_PIECES = ("falls_stagger_last",)
-"""Likewise the last pieces of staggers."""
 
 RESTS = ("rests_enter", "rests_hold", "rests_leave")
 OF_RESTS = (*RESTS, "rests_frames", "rests_state", "rests_row", "rests_next")
@@ -29,7 +30,7 @@ OF_WALKS = (*WALKS, "walks_spans", "walks_piece", "walks_row", "walks_next")
 """Likewise of ``policy.walks.Walks``; only where there are rests."""
 
 
-GROUPS = (OF_FALLS, OF_STOPS, OF_PIECES, OF_RESTS, OF_WALKS)
+GROUPS = (OF_FALLS, OF_CHEERS, OF_STOPS, OF_RESTS, OF_WALKS)
 """Names of arrays all of which are there or none."""
 
 BEHIND = tuple(name for group in GROUPS for name in group)
@@ -45,8 +46,8 @@ def relations_behind(arrays: Mapping[str, Array]) -> tuple[Relation, ...]:
     relations: tuple[Relation, ...] = ()
     for what, own, needed, more in (
         ("falls", OF_FALLS, (), _FALLS),
+        ("celebrations", OF_CHEERS, OF_FALLS, _CHEERS),
         ("stops of falls", OF_STOPS, OF_FALLS, _STOPS),
-        ("pieces of staggers", OF_PIECES, OF_FALLS, _PIECES),
         ("rests", OF_RESTS, (), _RESTS),
         ("walks", OF_WALKS, OF_RESTS, _WALKS),
     ):
@@ -59,10 +60,7 @@ def relations_behind(arrays: Mapping[str, Array]) -> tuple[Relation, ...]:
 
 def count_behind(arrays: Mapping[str, Array]) -> int:
     """Return how many actions of falls, rests and walks there are by these arrays, which need not be right."""
-    count = sum(arrays[name].size for name in (*FALLS, *RESTS, *WALKS) if name in arrays)
-    if "falls_stagger" in arrays:
-        count += int(_last_pieces(arrays).sum()) - int(arrays["falls_stagger"].sum())
-    return count
+    return sum(arrays[name].size for name in (*FALLS, *CHEERS, *RESTS, *WALKS) if name in arrays)
 
 
 def frames_of(arrays: Mapping[str, Array]) -> tuple[Array, Array]:
@@ -73,14 +71,10 @@ def frames_of(arrays: Mapping[str, Array]) -> tuple[Array, Array]:
 
 def _numbered_behind(arrays: Mapping[str, Array]) -> bool:
     fall, lie, rise, stagger = (arrays[name] for name in FALLS)
-    numbers = numbers_of(fall, lie, rise, stagger, _last_pieces(arrays))
+    numbers = numbers_of(fall, lie, rise, stagger, arrays.get(CHEERS[0], stagger[:0]))
     count = sum(len(arrays[name]) for name in (*RESTS, *WALKS) if name in arrays)
     last = len(arrays["graph_action_next"]) - count
     return np.array_equal(numbers, np.arange(arrays["graph_action_offsets"][-1], last))
-
-
-def _last_pieces(arrays: Mapping[str, Array]) -> Array:
-    return arrays[OF_PIECES[0]] if OF_PIECES[0] in arrays else arrays["falls_stagger"]
 
 
 def _rest_behind(arrays: Mapping[str, Array]) -> bool:
@@ -108,34 +102,29 @@ _FALLS = (
 
 
 def _stands_again(arrays: Mapping[str, Array]) -> Array:
-    return _within(arrays, arrays["falls_rise"], arrays["falls_rise"], "falls_stop")
+    return _within(arrays, "falls_rise", "falls_stop")
 
 
 def _has_caught_itself(arrays: Mapping[str, Array]) -> Array:
-    return _within(arrays, arrays["falls_stagger"], _last_pieces(arrays), "falls_stagger_stop")
+    return _within(arrays, "falls_stagger", "falls_stagger_stop")
 
 
-def _within(arrays: Mapping[str, Array], actions: Array, until: Array, stop: str) -> Array:
+def _within(arrays: Mapping[str, Array], actions: str, stop: str) -> Array:
     before, last = frames_of(arrays)
-    result: Array = (before[actions] < arrays[stop]) & (arrays[stop] <= last[until])
+    result: Array = (before[arrays[actions]] < arrays[stop]) & (arrays[stop] <= last[arrays[actions]])
     return result
 
 
-def _one_after_another(arrays: Mapping[str, Array]) -> Array:
-    before, last = frames_of(arrays)
-    first, until = arrays["falls_stagger"], arrays["falls_stagger_last"]
-    joined = np.concatenate([[0], np.cumsum(before[1:] != last[:-1])])
-    result: Array = (until >= first) & (joined[first] == joined[until])
-    return result
+def _ends_cheering(arrays: Mapping[str, Array]) -> Array:
+    return _within(arrays, "falls_cheer", "falls_cheer_stop")
 
+
+_CHEERS = (Relation("falls_cheer_stop", "frames of celebrations", _ends_cheering),)
 
 _STOPS = (
     Relation("falls_stop", "frames of rises", _stands_again),
     Relation("falls_stagger_stop", "frames of staggers", _has_caught_itself),
 )
-
-_PIECES = (Relation("falls_stagger_last", "pieces that follow the first one without a gap", _one_after_another),)
-
 
 _RESTS = (
     Relation("rests_enter", "rests behind the actions of states and falls", _rest_behind),

@@ -1,7 +1,7 @@
 """What the arrays of a bundle must be, so that nothing in one can lead compiled code out of bounds.
 
 J joints, E end sites, C capsules, M clips, F control frames, P playback frames, N strikes of the database, S states,
-A actions, Q of them of states, H falls, G staggers, R rests, X ways into them, B pieces of
+A actions, Q of them of states, H falls, G staggers, U celebrations, R rests, X ways into them, B pieces of
 them, Y ways into walks, Z parts of them, T transitions, L rows of paths, K strikes in actions.
 """
 
@@ -124,7 +124,8 @@ TABLE: Mapping[str, Column] = {
     "falls_rise": _ints(("H",), Index("A")),
     "falls_direction": _singles(("H",), _FAR),
     "falls_stagger": _ints(("G",), Index("A")),
-    "falls_stagger_last": _ints(("G",), Index("A")),
+    "falls_cheer": _ints(("U",), Index("A")),
+    "falls_cheer_stop": _ints(("U",)),
     "falls_stagger_direction": _singles(("G",), _FAR),
     "falls_stop": _ints(("H",)),
     "falls_stagger_stop": _ints(("G",)),

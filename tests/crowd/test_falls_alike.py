@@ -16,6 +16,7 @@ from crowdsim.crowd.kernels.falling import (
     LATELY,
     LIKE,
     NEARBY,
+    OFF,
     SHOWN,
     UNLIKE,
     _unlike,
@@ -78,10 +79,13 @@ def test_avatars_fall_by_the_fall_that_begins_most_like_what_they_do() -> None:
             further = np.maximum(aside - aside.min() - LIKE, 0.0)
             left = last_frame(one, own) - int(rng.integers(0, 6))
             gaps = np.array([_unlike(one.model, one.avatars, own, row, left) for row in rows])
+            moves, push = one.model.moves[falls["action"][rows]], float(rng.uniform(0.2, 0.9))
             costs = ASIDE * further + UNLIKE * gaps
+            if kind == layout.STUMBLES:
+                costs += OFF * np.abs(one.avatars.playback["scale"][own] * np.hypot(moves["x"], moves["z"]) - push)
             costs[further > (0.0 if kind == layout.STUMBLES else FURTHEST_ASIDE - LIKE)] = np.inf
             shown = np.zeros(0)
-            found = pick_fall(one.model, one.avatars, one._world, 0, own, kind, left, shown, NO_NEIGHBOURS, 0)
+            found = pick_fall(one.model, one.avatars, one._world, 0, own, kind, push, left, shown, NO_NEIGHBOURS, 0)
             assert found == rows[int(np.argmin(costs))]
             chosen.add(found)
     assert len(chosen) > 6
@@ -126,9 +130,9 @@ def test_a_fall_that_has_just_been_shown_is_not_shown_again_if_another_leads_the
     rows = np.flatnonzero(falls["kind"] == layout.FALLS)
     for own in range(one.present):
         left, shown = last_frame(one, own), np.zeros(len(falls))
-        first = pick_fall(one.model, one.avatars, one._world, 0, own, layout.FALLS, left, shown, NO_NEIGHBOURS, 0)
+        first = pick_fall(one.model, one.avatars, one._world, 0, own, layout.FALLS, 0.0, left, shown, NO_NEIGHBOURS, 0)
         shown[falls["twin"][first]] = 1e6
-        second = pick_fall(one.model, one.avatars, one._world, 0, own, layout.FALLS, left, shown, NO_NEIGHBOURS, 0)
+        second = pick_fall(one.model, one.avatars, one._world, 0, own, layout.FALLS, 0.0, left, shown, NO_NEIGHBOURS, 0)
         assert second in rows
         assert falls["twin"][second] != falls["twin"][first]
 

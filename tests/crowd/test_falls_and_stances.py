@@ -34,12 +34,14 @@ def chosen_actions(kind, actions, directions, stances):
     hurting[:, column("most_downs")] = 1e6
     one = Simulation(replace(fighters(rules=hurting, stances=stances, interval=0.0), policies=[BOTH]), model=model)
     found = {int(stance): set() for stance in np.unique(stances)}
-    begun = layout.STAGGERS if kind == layout.STUMBLES else layout.LYING
     for _ in range(300):
-        before = one.avatars.conditions["standing"].copy()
+        before, decided = one.avatars.conditions["standing"].copy(), one.avatars.fight["decisions"].copy()
         one.run(1)
         now = one.avatars.conditions["standing"]
-        for number in np.flatnonzero((before == begun) & (now != begun)):
+        begun = (before == layout.LYING) & (now != layout.LYING)
+        if kind == layout.STUMBLES:
+            begun = (one.avatars.fight["decisions"] > decided)[one.avatars.slot_of]
+        for number in np.flatnonzero(begun):
             action = int(one.avatars.motion["action"][one.avatars.slot_of[number]])
             if action in actions:
                 found[int(stances[number])].add(action)
