@@ -6,7 +6,8 @@ import numpy as np
 
 from crowdsim.core.random import uniform
 from crowdsim.crowd.kernels.falling import last_frame
-from crowdsim.crowd.kernels.layout import CHEERS, FIGHTS, LYING, NOTICES, OUT, RESTS, UP
+from crowdsim.crowd.kernels.forced_actions import is_down
+from crowdsim.crowd.kernels.layout import CHEERS, FIGHTS, LYING, OUT, UP
 from crowdsim.crowd.kernels.resting import may_get_opponent, pose_gap
 from crowdsim.jit import kernel
 
@@ -17,13 +18,11 @@ DIFFERS = 0.4  # how much chance counts beside how unlike poses are [m2]
 @kernel(inline=True)
 def cheering_action(model, avatars, world, now, own):
     """Return the action in which an avatar celebrates that has won; -1 where it does not."""
-    row = avatars.conditions[avatars.number[own]]
-    if avatars.fight[own].next_opponent != -1:
+    row, opponent = avatars.conditions[avatars.number[own]], avatars.fight[own].next_opponent
+    if opponent <= -2 or (opponent >= 0 and not is_down(avatars, avatars.slot_of[opponent])):
         row.cheered = 0.0
         return np.int64(-1)
     if row.cheered > 0.0 or row.standing != UP or row.mode != FIGHTS or row.piece > 0.0:
-        return np.int64(-1)
-    if row.does_next != NOTICES and row.does_next != RESTS:
         return np.int64(-1)
     if row.felled > 0.0 and now.frame - row.felled_frame < WAITS:
         return np.int64(-1)
@@ -52,13 +51,16 @@ def _pick_cheer(model, avatars, world, own, left):
 
 @kernel
 def _has_won(avatars, now, own):
-    """Return whether some opponent of an avatar is out of the fight, and nobody fights it."""
-    won, number = False, avatars.number[own]
+    """Return whether the opponents that an avatar has had are out of the fight, one at least, and nobody fights it."""
+    won, number, skip = False, avatars.number[own], avatars.skip[own]
     for j in range(now.present):
-        row = avatars.conditions[avatars.number[j]]
-        if avatars.team[j] >= 0:
-            if j != own and avatars.opponent[j] == number:
-                return False
-        elif -2 - avatars.team[j] != avatars.skip[own]:
+        team, row = avatars.team[j], avatars.conditions[avatars.number[j]]
+        is_fighting = team >= 0
+        fought = avatars.number[j] == avatars.fixed[own] if skip == -2 else (team if is_fighting else -2 - team) != skip
+        if j == own:
+            continue
+        if is_fighting and (fought or avatars.opponent[j] == number):
+            return False
+        if fought and not is_fighting:
             won |= row.standing == OUT or (row.standing == LYING and row.rises == math.inf)
     return won
