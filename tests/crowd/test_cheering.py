@@ -12,15 +12,18 @@ from crowdsim.crowd.simulation import Simulation
 CHEER = 9
 
 
-def won(count: int = 4, teams: tuple[int, ...] = (0, 0, 1, 1)) -> Simulation:
+TEAMS = (0, 1, 0)
+
+
+def won() -> Simulation:
     """A fight of two teams, of which the first blow that lands knocks out."""
     rows = [(0.0, 0, kind, kind, 0) for kind in (layout.FALLS, layout.LIES, layout.STANDS_UP)]
     model = falling(build_model(POLICIES), [*rows, (0.0, 0, layout.CHEERS, CHEER, 3)])
     hurting = rules()
     hurting[:, column("most_downs")], hurting[:, column("down_from")] = 1.0, 1e-3
-    people = replace(fighters(count, rules=hurting), policies=POLICIES)
-    cast = replace(people.cast, teams=np.array(teams, np.int16), team_names=("red", "blue"))
-    return Simulation(replace(people, cast=cast, skip=np.array(teams, np.int32)), model=model)
+    people = replace(fighters(len(TEAMS), rules=hurting), policies=POLICIES)
+    cast = replace(people.cast, teams=np.array(TEAMS, np.int16), team_names=("red", "blue"))
+    return Simulation(replace(people, cast=cast, skip=np.array(TEAMS, np.int32)), model=model)
 
 
 def cheers(one: Simulation, frames: int) -> list[tuple[int, int, set[int]]]:
@@ -43,8 +46,7 @@ def test_the_winners_celebrate_once_after_the_last_opponent_is_out() -> None:
     assert avatars
     assert len(avatars) == len(set(avatars))
     for _, number, up in found:
-        team = number // 2
-        assert all(other // 2 == team for other in up)
+        assert {TEAMS[other] for other in up} == {TEAMS[number]}
 
 
 def test_nobody_celebrates_while_somebody_fights_it() -> None:
