@@ -40,9 +40,9 @@ def fall_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> dict[str,
         axes.append(np.repeat(own_axes, 3, axis=0))
         capsules.append(np.repeat(own_capsules, 3, axis=0))
         before, twins = len(rows), {}
-        starts = captured_starts(policy, falls.stagger).tolist()
+        begins = captured_starts(policy, falls.stagger).tolist()
         for action, direction, frame in zip(
-            falls.stagger.tolist(), falls.stagger_direction.tolist(), starts, strict=True
+            falls.stagger.tolist(), falls.stagger_direction.tolist(), begins, strict=True
         ):
             own = len(rows)
             rows.append((direction, p, STAGGER, int(first + action), own, twins.setdefault(frame, own)))

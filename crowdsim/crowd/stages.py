@@ -24,8 +24,6 @@ from crowdsim.errors import RunError
 
 _TOGETHER = 8192
 """Avatars of one thread that observe and choose together; what they note stays in a processor's cache."""
-
-
 _STARTS = 0.4
 """How far avatars move at the most as they start an action [m]."""
 
@@ -177,7 +175,8 @@ class Stages:
         count = list_thrown(self._model, self._avatars, world, now, strikes, 0, len(strikes), thrown)
         if count:
             some = np.sort(thrown[:count], order="slot")
-            room = Observed(*np.empty((2, count), np.int32), np.empty((count, NEIGHBOURS), np.int32))
+            neighbours = np.empty((count, NEIGHBOURS), np.int32)
+            room = Observed(np.empty(count, np.int32), np.empty(count, np.int32), neighbours)
             # The index knows where avatars were before some of them started an action in this frame.
             self._index.observe(self._avatars, some["slot"], SEES + _STARTS, room)
             stagger(self._model, self._avatars, world, now, some, room)
