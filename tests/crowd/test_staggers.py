@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from falling import falling_policy
 from test_damage import column, fighters, rules
-from test_simulation import bytes_of, whole
+from test_simulation import bytes_of
 
 from crowdsim.crowd import simulation
 from crowdsim.crowd.crowd import Crowding, build_crowd
@@ -106,6 +106,6 @@ def test_an_avatar_that_is_hurt_much_staggers_at_the_blow() -> None:
 
 
 def test_staggers_do_not_depend_on_how_a_frame_is_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    small = whole([brawl().run(200)])
+    small = bytes_of([brawl().run(200)])
     monkeypatch.setattr(simulation, "SMALL", 0)
-    assert bytes_of(whole([brawl().run(200)])) == bytes_of(small)
+    assert bytes_of([brawl().run(200)]) == small
