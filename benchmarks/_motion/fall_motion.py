@@ -30,7 +30,7 @@ def of_falls(policy: Policy, left: Array, entered: Array) -> Array:
     before = np.asarray(graph.action_first, np.int64) - 1
     last = before + np.asarray(graph.action_lengths)
     into = before[np.concatenate([falls.fall, falls.stagger])] * stride
-    out = last[np.concatenate([falls.rise, falls.stagger_last])] * stride
+    out = last[np.concatenate([falls.rise, falls.stagger])] * stride
     return np.asarray(np.isin(entered, into) | np.isin(left, out))
 
 

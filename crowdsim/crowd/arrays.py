@@ -73,7 +73,7 @@ class Model(NamedTuple):
         policies: The policies, and a record that closes their behaviours, actions and states. (P + 1,), ``POLICY``.
         sizes: Sizes of each policy's bodies. Shape (P,), ``SIZE``.
         twins: For each state the one of the captured motion that it is, or is the mirror image of. Shape (S,), int32.
-        falls: What knocks avatars down; pieces of a stagger follow one another. Shape (n,), ``FALL``.
+        falls: What knocks avatars down, or throws them off their feet. Shape (n,), ``FALL``.
         stances: How many actions lead from each state to an orthodox and to a southpaw stance
             (``stances.stance_actions``). Shape (S, 2), or (0, 2) where no avatar has a stance, uint8.
         fall_axes: Where a body of size 1 lies after that fall, seen from the fall's first frame (``FROM_START``) and

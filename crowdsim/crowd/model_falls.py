@@ -13,7 +13,7 @@ from crowdsim.crowd.kernels.records import FALL as FALLS
 from crowdsim.crowd.model_arms import part_of
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.policy.falls import FALL, LYING, RISE, STAGGER, STAGGER_ON
+from crowdsim.policy.falls import CHEER, FALL, LYING, RISE, STAGGER
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -22,7 +22,7 @@ _FRAMES_AT_ONCE = 1 << 16
 
 
 def fall_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> dict[str, Array]:
-    """Return what ``Model`` holds of the falls and staggers of all policies, by its names."""
+    """Return what ``Model`` holds of the falls, staggers and celebrations of all policies, by its names."""
     rows: list[tuple[float, int, int, int, int, int]] = []
     axes = [np.zeros((0, 2), LINE)]
     capsules: list[Array] = []
@@ -40,14 +40,14 @@ def fall_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> dict[str,
         axes.append(np.repeat(own_axes, 3, axis=0))
         capsules.append(np.repeat(own_capsules, 3, axis=0))
         before, twins = len(rows), {}
-        for start, last, direction, frame in zip(
-            falls.stagger.tolist(), falls.stagger_last.tolist(), falls.stagger_direction.tolist(),
-            captured_starts(policy, falls.stagger).tolist(), strict=True,
-        ):  # fmt: skip
+        begins = captured_starts(policy, falls.stagger).tolist()
+        for action, direction, frame in zip(
+            falls.stagger.tolist(), falls.stagger_direction.tolist(), begins, strict=True
+        ):
             own = len(rows)
-            twin = twins.setdefault(frame, own)
-            for action in range(start, last + 1):
-                rows.append((direction, p, STAGGER if action == start else STAGGER_ON, int(first + action), own, twin))
+            rows.append((direction, p, STAGGER, int(first + action), own, twins.setdefault(frame, own)))
+        for action in falls.cheer.tolist():
+            rows.append((0.0, p, CHEER, int(first + action), len(rows), len(rows)))
         axes.append(np.zeros((len(rows) - before, 2), LINE))
         capsules.append(np.zeros((len(rows) - before, own_capsules.shape[1]), CAPSULE))
     return {

@@ -15,7 +15,9 @@ from crowdsim.crowd.kernels.decide import decide
 from crowdsim.crowd.kernels.knock_downs import empty_room, knock_down
 from crowdsim.crowd.kernels.layout import ENTERED, Now, Observed
 from crowdsim.crowd.kernels.record import write_record
+from crowdsim.crowd.kernels.records import THROWN
 from crowdsim.crowd.kernels.resolve import list_strikes, resolve
+from crowdsim.crowd.kernels.staggers import NEIGHBOURS, SEES, list_thrown, stagger
 from crowdsim.crowd.opponents import Index
 from crowdsim.crowd.workers import Workers
 from crowdsim.errors import RunError
@@ -25,6 +27,8 @@ _TOGETHER = 512
 
 _DECISIONS = 256
 """Fewest decisions that are worth a range of their own, about 0.3 ms."""
+_STARTS = 0.4
+"""How far avatars move at the most as they start an action [m]."""
 
 
 class Stages:
@@ -176,7 +180,20 @@ class Stages:
             room = empty_room(self._model, self._crowding.most)
             knock_down(self._model, self._avatars, world, now, thrown, 0, held, self._index.fitted(), observed, room)
             self._rooms.append((observed, scratch))
+        self._stagger(world, now, thrown[:held])
         return thrown[:held]
+
+    def _stagger(self, world: World, now: Now, strikes: Array) -> None:
+        """Let avatars stagger that strikes throw off their feet."""
+        thrown = np.empty(len(strikes), THROWN)
+        count = list_thrown(self._model, self._avatars, world, now, strikes, 0, len(strikes), thrown)
+        if count:
+            some = np.sort(thrown[:count], order="slot")
+            neighbours = np.empty((count, NEIGHBOURS), np.int32)
+            room = Observed(np.empty(count, np.int32), np.empty(count, np.int32), neighbours)
+            # The index knows where avatars were before some of them started an action in this frame.
+            self._index.observe(self._avatars, some["slot"], SEES + _STARTS, room)
+            stagger(self._model, self._avatars, world, now, some, room)
 
 
 def lost_avatar(avatars: Avatars, slot: int, frame: int) -> RunError:

@@ -57,8 +57,8 @@ class MotionDatabase:
         strike_speeds: That speed, relative to the pelvis [m/s]. Shape (S,), float32.
         strike_positions: Position of what strikes at ``strike_frames`` in that frame's ground frame [m].
             Shape (S, 3), float32.
-        falls: Falls and staggers, control frames, with bearings in the ground frames at their starts. There are no
-            strikes in them.
+        falls: Falls, staggers and celebrations, control frames, with bearings in the ground frames at their
+            starts. There are no strikes in them.
         rests: Spans in which the body stands at ease, guards before and after included, control frames; none where
             they were not searched for. There are no strikes in them either.
     """

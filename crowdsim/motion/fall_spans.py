@@ -1,4 +1,7 @@
-"""Falls of all clips of a motion database: in control frames, mirror images included, and ground transforms in them."""
+"""Falls, staggers and celebrations of all clips of a motion database, and ground transforms in falls.
+
+They are in control frames, mirror images included.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from crowdsim.motion.falls import FallSpans, no_falls
 
 
 def clip_spans(clips: Sequence[ClipAnalysis], stride: int) -> list[FallSpans]:
-    """Return the falls and staggers of each clip in its control frames; staggers only where any clip has a fall.
+    """Return the spans of each clip in its control frames; none where no clip has a fall.
 
     Args:
         clips: The clips.
@@ -40,6 +43,10 @@ def _in_control_frames(found: FallSpans, last: int, stride: int) -> FallSpans:
     clear = staggers[:, 0] < staggers[:, 1]
     for start, stop in zip(starts[good], stops[good], strict=True):
         clear &= (staggers[:, 1] < start) | (staggers[:, 0] > stop)
+    cheers = np.stack([found.cheers[:, 0] // stride, ends(found.cheers[:, 1])], axis=1).astype(np.int32)
+    apart = np.ones(len(cheers), bool)
+    for start, stop in [*zip(starts[good], stops[good], strict=True), *staggers[clear]]:
+        apart &= (cheers[:, 1] < start) | (cheers[:, 0] > stop)
     return FallSpans(
         starts[good],
         downs[good],
@@ -48,6 +55,7 @@ def _in_control_frames(found: FallSpans, last: int, stride: int) -> FallSpans:
         found.directions[good],
         staggers[clear],
         found.stagger_directions[clear],
+        cheers[apart],
     )
 
 
@@ -110,6 +118,7 @@ def joined_spans(spans: Sequence[FallSpans], starts: Array, grounds: Array, stri
                     bearings[0],
                     one.staggers + first,
                     bearings[1],
+                    one.cheers + first,
                 )
             )
     return FallSpans(*(np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])))

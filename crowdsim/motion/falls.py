@@ -1,9 +1,9 @@
-"""Falls and staggers in motion alone: spans in which a body is not in control of its balance.
+"""Falls, staggers and celebrations in motion alone: spans that no fight is made of.
 
 A body is *down* while its trunk is low and slow. The fall before that begins where the pelvis began to sink from the
 height at which the body stands, and getting up ends where it is there again. A body *staggers* where its trunk is
 thrown one way while it is swept that way, until feet catch it; lunges, slips and retreats lean or travel, not both, and
-a body that runs travels further.
+a body that runs travels further. It *celebrates* while it holds a fist up over its head.
 """
 
 from __future__ import annotations
@@ -34,15 +34,28 @@ _LONGEST = 6.0
 """Longest time from standing to lying, and from lying to standing [s]."""
 _SMOOTH = 0.03
 """Width of the smoothing of paths [s]."""
-THROWN = 0.15
+THROWN = 0.147
 """How far the neck is off where it is carried over the pelvis, over the standing height, when a body staggers."""
-CARRIED = 0.17, 0.55
+CARRIED = 0.07, 0.6
 """How far the pelvis goes the same way around that, at the least and at the most, over the standing height: a body that
 slips a strike stays where it is, one that runs goes further."""
-SWEPT = 0.46
+SWEPT = 0.45
 """How fast the trunk moves the same way then, in standing heights a second."""
-_CATCHES = 0.45
-"""Time before and after, over which the pelvis goes there [s]."""
+_LEAST_THROWN = 0.13
+"""Shortest time for which it is thrown so far [s]."""
+_SWEEPS, _CATCHES = 0.22, 0.45
+"""Longest time for which it is swept before it is thrown so far, and until feet have caught it after that [s]."""
+_GIVES = 0.08
+"""How fast the trunk moves the same way all the while, in standing heights a second."""
+_CAUGHT = 0.22
+"""Time after that which belongs to a stagger: feet that follow [s]."""
+OVER = 0.04
+"""Height of a fist over the middle of the head, over the standing height, above which it is held up."""
+_LEAST_UP, _BETWEEN, _LONGEST_UP = 0.7, 0.3, 1.2
+"""Shortest time for which a fist is held up in a celebration, longest between two of these, and longest in which it is
+raised, or lowered [s]."""
+_RAISING = 0.12
+"""Speed at which it rises and sinks then, for a body of ``HEIGHT`` [m/s]."""
 BESIDE = 1.2
 """Time before and after a fall or stagger that belongs to it [s]: fights are learned from other motion."""
 _SHORT = 1.5
@@ -61,6 +74,7 @@ class FallSpans:
         directions: Heading of the trunk's way from start to down in the world [rad]. Shape (n,), float32.
         staggers: First and last frame of each stagger. Shape (k, 2), int32.
         stagger_directions: Heading of the trunk's way likewise [rad]. Shape (k,), float32.
+        cheers: First and last frame of each celebration. Shape (c, 2), int32.
     """
 
     starts: Array
@@ -70,11 +84,12 @@ class FallSpans:
     directions: Array
     staggers: Array
     stagger_directions: Array
+    cheers: Array
 
     @property
     def spans(self) -> Array:
-        """First and last frame of each fall and stagger, ascending. Shape (n + k, 2), int32."""
-        spans = np.concatenate([np.stack([self.starts, self.stops], axis=1), self.staggers])
+        """First and last frame of each fall, stagger and celebration, ascending. Shape (n + k + c, 2), int32."""
+        spans = np.concatenate([np.stack([self.starts, self.stops], axis=1), self.staggers, self.cheers])
         result: Array = spans[np.argsort(spans[:, 0], kind="stable")]
         return result
 
@@ -113,7 +128,8 @@ class FallSpans:
 def no_falls() -> FallSpans:
     """Return the spans of motion without falls."""
     none, bearings = np.zeros(0, np.int32), np.zeros(0, np.float32)
-    return FallSpans(none, none, none, none, bearings, np.zeros((0, 2), np.int32), bearings)
+    pairs = np.zeros((0, 2), np.int32)
+    return FallSpans(none, none, none, none, bearings, pairs, bearings, pairs)
 
 
 def find_falls(tracks: Tracks, height: float, fps: float) -> FallSpans:
@@ -141,6 +157,7 @@ def find_falls(tracks: Tracks, height: float, fps: float) -> FallSpans:
         _bearings(trunk, starts, downs),
         thrown,
         _bearings(trunk, thrown[:, 0], thrown[:, 1]),
+        _cheers(tracks, height, fps, np.concatenate([np.stack([starts, stops], axis=1), thrown])),
     )
 
 
@@ -203,21 +220,60 @@ def _staggers(pelvis: Array, neck: Array, stances: Array, height: float, fps: fl
     lean = ground.to_local(turn, neck - pelvis)[:, [0, 2]]
     lean -= np.median(lean[~down], axis=0)
     speed = ground.to_local(turn, np.gradient(0.6 * pelvis + 0.4 * neck, axis=0) * fps)[:, [0, 2]]
-    around = round(_CATCHES * fps)
-    frames = np.arange(len(pelvis))
-    low, high = np.maximum(frames - around, 0), np.minimum(frames + around, len(pelvis) - 1)
-    way = ground.to_local(turn, pelvis[high] - pelvis[low])[:, [0, 2]]
     far = np.linalg.norm(lean, axis=1)
-    along, swept = (np.sum(one * lean, axis=1) / np.maximum(far, 1e-9) / height for one in (way, speed))
-    thrown = (far > THROWN * height) & ~down
-    carried = (along > CARRIED[0]) & (along < CARRIED[1]) & (swept > SWEPT)
     rows: list[tuple[int, int]] = []
-    for first, last in runs(thrown):
-        if not carried[first:last].any():
+    for first, last in runs((far > THROWN * height) & ~down):
+        if last - first < _LEAST_THROWN * fps:
             continue
-        start, stop = max(first - around, 0), min(last - 1 + 2 * around, len(pelvis) - 1)
-        if rows and start <= rows[-1][1]:
+        peak = first + int(np.argmax(far[first:last]))
+        way = lean[peak] / far[peak]
+        start, caught = _while_swept(speed @ way / height, first, last - 1, fps)
+        gone = ground.to_local(turn[peak], pelvis[caught] - pelvis[start])[[0, 2]] @ way / height
+        if not CARRIED[0] < gone < CARRIED[1] or (speed[start:last] @ way).max() < SWEPT * height:
+            continue
+        stop = min(caught + round(_CAUGHT * fps), len(pelvis) - 1)
+        if rows and start <= rows[-1][1] + _CATCHES * fps:
             start = rows.pop()[0]
         if not down[start : stop + 1].any():
-            rows.append((int(start), int(stop)))
+            rows.append((start, stop))
+    return np.array(rows, np.int32).reshape(-1, 2)
+
+
+def _while_swept(pace: Array, first: int, last: int, fps: float) -> tuple[int, int]:
+    """Return the last frame before a body is swept away, and the first in which it has been caught.
+
+    Args:
+        pace: Speed of the trunk the way that it is thrown, in standing heights a second. Shape (F,).
+        first: First frame in which it is thrown.
+        last: Last one.
+        fps: Frames a second.
+    """
+    start, caught = first, last
+    while start > max(first - _SWEEPS * fps, 0) and pace[start - 1] > _GIVES:
+        start -= 1
+    while caught < min(last + _CATCHES * fps, len(pace) - 1) and pace[caught + 1] > _GIVES:
+        caught += 1
+    return start, caught
+
+
+def _cheers(tracks: Tracks, height: float, fps: float, others: Array) -> Array:
+    """Return the first and last frame of each celebration outside falls and staggers (n, 2). Shape (c, 2), int32."""
+    from scipy.ndimage import binary_closing
+
+    fists, heads = (_smoothed(points[..., 1], fps) for points in (tracks.fists, tracks.heads))
+    top = fists.max(axis=1)
+    rise = np.gradient(top) * fps * HEIGHT / height
+    least, most = round(_LEAST_UP * fps), round(_LONGEST_UP * fps)
+    rows: list[tuple[int, int]] = []
+    up = binary_closing(np.pad(top > heads + OVER * height, most), np.ones(round(_BETWEEN * fps)))[most:-most]
+    for first, last in runs(up):
+        if last - first < least:
+            continue
+        start, stop = int(first), int(last) - 1
+        while start > max(first - most, 0) and rise[start] > _RAISING:
+            start -= 1
+        while stop < min(last + most, len(top)) - 1 and rise[stop] < -_RAISING:
+            stop += 1
+        if not any(start <= end and stop >= begin for begin, end in others):
+            rows.append((start, stop))
     return np.array(rows, np.int32).reshape(-1, 2)

@@ -681,8 +681,37 @@ def _with_props(poses: list[Pose]) -> list[Pose]:
     return [replace(pose, props=row) for pose, row in zip(poses, props, strict=True)]
 
 
-STAGGERS = {"stagger_back": (-1.0, 0.0), "stagger_left": (0.0, 1.0), "stagger_right": (0.0, -1.0)}
-"""Kinds of staggers, by where the trunk is thrown: ahead, to the left."""
+@dataclass(frozen=True)
+class Stagger:
+    """A kind of stagger.
+
+    Attributes:
+        ahead, left: Where the trunk is thrown.
+        thrown: How far, over what a stagger of middle strength has.
+        steps: Length of each catching step, over that of a stagger of middle strength.
+        dazed: For how long the body sways before its guard stands again [s].
+    """
+
+    ahead: float
+    left: float
+    thrown: float
+    steps: tuple[float, ...]
+    dazed: float = 0.0
+
+
+_WAYS = {"back": (-1.0, 0.0), "left": (0.0, 1.0), "right": (0.0, -1.0)}
+_STRENGTHS = {"light_stagger": (1.03, (0.80,), 0.0), "stagger": (1.05, (1.0, 0.4), 0.0),
+              "heavy_stagger": (1.16, (1.0, 0.95, 0.5), 0.5)}  # fmt: skip
+STAGGERS = {
+    f"{strength}_{name}": Stagger(*way, thrown, steps, dazed)
+    for strength, (thrown, steps, dazed) in _STRENGTHS.items()
+    for name, way in _WAYS.items()
+}
+"""Kinds of staggers: of three strengths, to three sides."""
+
+
+_CAUGHT = 0.3
+"""How long a body that has caught itself stays where it is [s]."""
 
 
 def write_stagger(plan: Choreographer, kind: str, fights: bool) -> Score:
@@ -690,17 +719,29 @@ def write_stagger(plan: Choreographer, kind: str, fights: bool) -> Score:
 
     Where the boxer ``fights``, it does so before and after that, instead of standing in the guard.
     """
-    rng, (ahead, left) = plan.rng, STAGGERS[kind]
+    rng, recipe = plan.rng, STAGGERS[kind]
+    ahead, left = recipe.ahead, recipe.left
     start = _hit(plan, fights)
-    hit = float(rng.uniform(1.02, 1.12))
+    hit = float(rng.uniform(0.97, 1.06)) * recipe.thrown
     end = start + 0.10
-    for share in (1.0, 0.9, 0.45)[: 3 if rng.uniform() < 0.5 or left == 0.0 else 2]:
-        far = hit * share * float(rng.uniform(0.33, 0.39))
+    for share in recipe.steps:
+        far = share * float(rng.uniform(0.33, 0.39))
         end = plan.move(end, far * ahead, far * left, float(rng.normal(0.0, 0.05)), 1.25, quick=True)
     plan.play(_thrown(ahead, left), (start, start + 0.24, start + 0.36, end + 0.25), hit)
     done = end + 0.30
+    if recipe.dazed:
+        plan.play(_DAZED, (start + 0.1, end, end + recipe.dazed - 0.15, done + recipe.dazed), hit, 0.1)
+        done += recipe.dazed
     plan.score.staggers.append(Span(kind, start, done))
-    return plan.finish(_go_on(plan, done, fights))
+    return plan.finish(_go_on(plan, done + _CAUGHT, fights))
+
+
+_DAZED = (
+    *part(0.0, 0.0, 0.0, 0.0, HEIGHT=-0.06, FLEX=0.16, HEAD_NOD=0.22, LEAD_ELBOW=0.2, REAR_ELBOW=0.2),
+    *part(0.0, 0.0, 0.0, 0.0, LEAD_HAND_Y=-0.20, REAR_HAND_Y=-0.16, LEAD_HAND_Z=-0.06),
+    *part(0.2, 0.1, -0.1, 0.0, SHIFT_X=0.04, HEAD_BEND=0.12, BEND=0.08),
+)
+"""Knees that give, hands that sink, and a head that hangs, before the guard stands again."""
 
 
 def _thrown(ahead: float, left: float) -> tuple[Accent, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -48,6 +49,12 @@ _SHOULDERS = (
     *part(0.0, 0.42, 0.50, 1.0, LEAD_RAISE=0.34, REAR_RAISE=0.34),
     *part(0.3, 0.65, 0.70, 1.0, LEAD_FORTH=-0.22, REAR_FORTH=-0.22),
 )
+_STOOP = part(
+    0.0, 0.0, 0.0, 0.0, HEIGHT=-0.16, SHIFT_Z=-0.07, PELVIS_TILT=0.58, FLEX=0.50, HEAD_NOD=-0.28, LEAD_FORTH=0.12,
+    REAR_FORTH=0.12, LEAD_HAND_X=-0.07, REAR_HAND_X=0.07, LEAD_HAND_Y=0.06, REAR_HAND_Y=0.06, LEAD_HAND_Z=0.22,
+    REAR_HAND_Z=0.22)
+_HEAVE = part(0.0, 0.5, 0.5, 1.0, FLEX=-0.07, LEAD_RAISE=0.07, REAR_RAISE=0.07, HEAD_NOD=-0.05)
+"""Stooped, hands on the knees, and one deep breath there."""
 _FORTH = part(0.0, 0.20, 0.25, 0.6, LEAD_FORTH=0.16, REAR_FORTH=0.16)
 _NECK = part(0.0, 0.30, 0.32, 0.7, HEAD_BEND=0.32)
 """One roll of the shoulders backwards, in shares of its time; forward before that; and one of the neck."""
@@ -102,12 +109,21 @@ def _roll_shoulders(plan: Choreographer, start: float, end: float) -> None:
         plan.play(_NECK, (first,) * 4, sign, unit=lasts)
 
 
+def _stoop(plan: Choreographer, start: float, end: float) -> None:
+    """Stoop, put the hands on the knees, and breathe deeply there."""
+    plan.play(_STOOP, (start - 0.3, start + 0.5, end - 0.5, end + 0.3), spread=0.03)
+    beats = np.linspace(start + 0.3, end - 0.2, 4)
+    for first, last in pairwise(beats):
+        plan.play(_HEAVE, (float(first),) * 4, spread=0.1, unit=float(last - first))
+
+
 _shift_weight = partial(_to_both_sides, 0.2, ((_SHIFT, 0.1), (_GLANCE, 0.2)))
 _IDLE: dict[str, Callable[[Choreographer, float, float], None]] = {
     "at_ease": _shift_weight,
     "look_about": partial(_to_both_sides, 0.0, ((_LOOK, 0.1),)),
     "shake_arms": _shake_arms,
     "roll_shoulders": _roll_shoulders,
+    "hands_on_knees": _stoop,
 }
 _WALKS = {"walk_off_left": 1.0, "walk_off_right": -1.0}
 AT_EASE = tuple(_IDLE)

@@ -153,7 +153,10 @@ class Travel(Generic[Time]):
 
 @dataclass(frozen=True)
 class Span(Generic[Time]):
-    """A defence of a kind of ``moves.DEFENCES``, or catching steps after a hit, of a kind of ``falls.STAGGERS``."""
+    """A defence of a kind of ``moves.DEFENCES``, catching steps after a hit, or raised fists.
+
+    Of a kind of ``falls.STAGGERS``, or of ``cheers.CHEERS``.
+    """
 
     kind: str
     start: Time
@@ -297,5 +300,6 @@ class Score:
     travels: list[Travel[float]] = field(default_factory=list)
     falls: list[Fall[float]] = field(default_factory=list)
     staggers: list[Span[float]] = field(default_factory=list)
+    cheers: list[Span[float]] = field(default_factory=list)
     rests: list[Rest[float]] = field(default_factory=list)
     two_hands: bool = False

@@ -16,6 +16,7 @@ import numpy as np
 from crowdsim.core.types import Progress
 from crowdsim.errors import nearest
 from crowdsim.motion.skeleton import Clip
+from crowdsim.performer.cheers import CHEERS, write_cheer
 from crowdsim.performer.choreographer import Choreographer
 from crowdsim.performer.falls import FALLS, STAGGERS, write_fall, write_stagger
 from crowdsim.performer.moves import DEFENCES, PUNCHES
@@ -31,7 +32,7 @@ from crowdsim.performer.truth import Truth, find_truth, mirror_truth
 CLIP_SECONDS = 30.0
 """About how long one clip is."""
 STANCES = ("orthodox", "southpaw")
-MOVES = (*PUNCHES, *DEFENCES, *FOOTWORK, *FALLS, *STAGGERS, *RESTS)
+MOVES = (*PUNCHES, *DEFENCES, *FOOTWORK, *FALLS, *STAGGERS, *CHEERS, *RESTS)
 """What can be performed alone."""
 
 
@@ -75,7 +76,7 @@ def perform(
         fps: Frames a second.
         stance: "orthodox" (left side leads) or "southpaw", its mirror image.
         progress: Called with ("perform", clips done, clips).
-        falls: How often each kind of fall and stagger is performed, in clips of their own behind the others.
+        falls: How often each kind of fall, stagger and celebration is performed, in clips of their own.
         rests: How often each kind of rest is performed, likewise.
         stick: How a stick is held that the blows are struck with, a key of ``sticks.GRIPS``; none when None.
 
@@ -92,7 +93,7 @@ def perform(
         performances.append(_perform(f"performer_{index:02d}", write, sequence, fps, stance, stick=stick))
         if progress is not None:
             progress("perform", index + 1, len(lengths))
-    performances += _perform_each((*FALLS, *STAGGERS), falls, _FALLS_STREAM, seed, fps, stance, stick)
+    performances += _perform_each((*FALLS, *STAGGERS, *CHEERS), falls, _FALLS_STREAM, seed, fps, stance, stick)
     return performances + _perform_each(RESTS, rests, _RESTS_STREAM, seed, fps, stance, stick)
 
 
@@ -103,7 +104,7 @@ _FALLS_STREAM, _RESTS_STREAM = 1 << 20, 1 << 21
 def _perform_each(
     kinds: Sequence[str], count: int, stream: int, seed: int, fps: float, stance: str, stick: str | None
 ) -> list[Performance]:
-    """Perform each of some kinds of falls, staggers or rests so many times."""
+    """Perform each of some kinds of falls, staggers, celebrations or rests so many times."""
     performances = []
     for index, kind in enumerate(kinds):
         for take in range(count):
@@ -116,11 +117,13 @@ def _perform_each(
 
 
 def _write_move(plan: Choreographer, move: str, amid: bool) -> Score:
-    """Return the score of one move: of a fall, stagger or rest amid other moves, or between two guards."""
+    """Return the score of one move: between two guards, or of a fall, stagger or rest amid other moves."""
     if move in FALLS:
         return write_fall(plan, move, amid)
     if move in STAGGERS:
         return write_stagger(plan, move, amid)
+    if move in CHEERS:
+        return write_cheer(plan, move)
     return write_rest(plan, move, amid) if move in RESTS else write_solo(plan, move)
 
 

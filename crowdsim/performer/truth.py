@@ -51,6 +51,7 @@ class Truth:
         stance: Ground transform of the stance: pelvis over the floor, heading towards the opponent. Shape (F, 3).
         falls: Falls by time.
         staggers: Staggers by time.
+        cheers: Celebrations by time.
         rests: Rests by time.
     """
 
@@ -61,6 +62,7 @@ class Truth:
     stance: Array
     falls: tuple[Fall[int], ...]
     staggers: tuple[Span[int], ...]
+    cheers: tuple[Span[int], ...]
     rests: tuple[Rest[int], ...]
 
 
@@ -92,9 +94,14 @@ def find_truth(score: Score, played: Played, times: Array) -> Truth:
         for t in sorted(score.travels, key=lambda t: t.start)
     )
     falls = tuple(Fall(f.kind, *(round(t * fps) for t in (f.start, f.down, f.rise, f.end))) for f in score.falls)
-    staggers = tuple(Span(s.kind, round(s.start * fps), round(s.end * fps)) for s in score.staggers)
+    staggers, cheers = (
+        tuple(Span(s.kind, round(s.start * fps), round(s.end * fps)) for s in spans)
+        for spans in (score.staggers, score.cheers)
+    )
     rests = tuple(Rest(r.kind, *(round(t * fps) for t in (r.start, r.down, r.up, r.end))) for r in score.rests)
-    return Truth(played.footwork.planted.copy(), tuple(strikes), defences, travels, stance, falls, staggers, rests)
+    return Truth(
+        played.footwork.planted.copy(), tuple(strikes), defences, travels, stance, falls, staggers, cheers, rests
+    )
 
 
 def _other_side(kind: str) -> str:

@@ -1,7 +1,7 @@
 """What the arrays of a bundle must be, so that nothing in one can lead compiled code out of bounds.
 
 J joints, E end sites, C capsules, M clips, F control frames, P playback frames, N strikes of the database, S states,
-A actions, Q of them of states, H falls, G staggers, R rests, X ways into them, B pieces of
+A actions, Q of them of states, H falls, G staggers, U celebrations, R rests, X ways into them, B pieces of
 them, Y ways into walks, Z parts of them, T transitions, L rows of paths, K strikes in actions.
 """
 
@@ -126,7 +126,8 @@ TABLE: Mapping[str, Column] = {
     "falls_rise": _ints(("H",), Index("A")),
     "falls_direction": _singles(("H",), _FAR),
     "falls_stagger": _ints(("G",), Index("A")),
-    "falls_stagger_last": _ints(("G",), Index("A")),
+    "falls_cheer": _ints(("U",), Index("A")),
+    "falls_cheer_stop": _ints(("U",)),
     "falls_stagger_direction": _singles(("G",), _FAR),
     "falls_stop": _ints(("H",)),
     "falls_stagger_stop": _ints(("G",)),
@@ -244,16 +245,17 @@ def _time_strikes(arrays: Mapping[str, Array], stride: int) -> Array:
 
 
 _FALLS = ("falls_fall", "falls_lie", "falls_rise", "falls_stagger")
+_CHEERS = ("falls_cheer",)
 _RESTS = ("rests_enter", "rests_hold", "rests_leave")
 _WALKS = ("walks_take", "walks_hold")
 """Names of arrays that hold numbers of actions of ``falls.Falls``, ``rests.Rests`` and ``walks.Walks``."""
 
 OF_FALLS = (*_FALLS, "falls_direction", "falls_stagger_direction")
 OF_STOPS = ("falls_stop", "falls_stagger_stop")
-OF_PIECES = ("falls_stagger_last",)
+OF_CHEERS = (*_CHEERS, "falls_cheer_stop")
 OF_RESTS = (*_RESTS, "rests_frames", "rests_state", "rests_row", "rests_next")
 OF_WALKS = (*_WALKS, "walks_spans", "walks_piece", "walks_row", "walks_next")
-GROUPS = (OF_FALLS, OF_STOPS, OF_PIECES, OF_RESTS, OF_WALKS)
+GROUPS = (OF_FALLS, OF_CHEERS, OF_STOPS, OF_RESTS, OF_WALKS)
 """Names of the arrays of actions behind those of states; of a group all are there or none. Older bundles lack some."""
 
 BEHIND = tuple(name for group in GROUPS for name in group)
@@ -267,8 +269,8 @@ def relations_behind(arrays: Mapping[str, Array]) -> tuple[Relation, ...]:
     relations: tuple[Relation, ...] = ()
     for what, own, needed, more in (
         ("falls", OF_FALLS, (), _FALL_RELATIONS),
+        ("celebrations", OF_CHEERS, OF_FALLS, _CHEER_RELATIONS),
         ("stops of falls", OF_STOPS, OF_FALLS, _STOP_RELATIONS),
-        ("pieces of staggers", OF_PIECES, OF_FALLS, _PIECE_RELATIONS),
         ("rests", OF_RESTS, (), _REST_RELATIONS),
         ("walks", OF_WALKS, OF_RESTS, _WALK_RELATIONS),
     ):
@@ -281,19 +283,12 @@ def relations_behind(arrays: Mapping[str, Array]) -> tuple[Relation, ...]:
 
 def count_behind(arrays: Mapping[str, Array]) -> int:
     """Return how many actions of falls, rests and walks there are by these arrays, which need not be right."""
-    count = sum(arrays[name].size for name in (*_FALLS, *_RESTS, *_WALKS) if name in arrays)
-    if "falls_stagger" in arrays:
-        count += int(_last_pieces(arrays).sum()) - int(arrays["falls_stagger"].sum())
-    return count
-
-
-def _last_pieces(arrays: Mapping[str, Array]) -> Array:
-    return arrays[OF_PIECES[0]] if OF_PIECES[0] in arrays else arrays["falls_stagger"]
+    return sum(arrays[name].size for name in (*_FALLS, *_CHEERS, *_RESTS, *_WALKS) if name in arrays)
 
 
 def _falls_behind(arrays: Mapping[str, Array]) -> bool:
     fall, lie, rise, stagger = (arrays[name] for name in _FALLS)
-    numbers = numbers_of(fall, lie, rise, stagger, _last_pieces(arrays))
+    numbers = numbers_of(fall, lie, rise, stagger, arrays.get(_CHEERS[0], stagger[:0]))
     count = sum(len(arrays[name]) for name in (*_RESTS, *_WALKS) if name in arrays)
     last = len(arrays["graph_action_next"]) - count
     return np.array_equal(numbers, np.arange(arrays["graph_action_offsets"][-1], last))
@@ -311,17 +306,9 @@ def _lie_between(arrays: Mapping[str, Array]) -> Array:
     return (before[lie] == last[fall]) & (last[lie] <= before[rise])
 
 
-def _stop_within(first: str, last: str, stop: str, arrays: Mapping[str, Array]) -> Array:
-    before, ends = frames_of(arrays)
-    until = _last_pieces(arrays) if last in OF_PIECES else arrays[last]
-    return (before[arrays[first]] < arrays[stop]) & (arrays[stop] <= ends[until])
-
-
-def _one_after_another(arrays: Mapping[str, Array]) -> Array:
+def _stop_within(action: str, stop: str, arrays: Mapping[str, Array]) -> Array:
     before, last = frames_of(arrays)
-    first, until = arrays["falls_stagger"], arrays["falls_stagger_last"]
-    joined = np.concatenate([[0], np.cumsum(before[1:] != last[:-1])])
-    return (until >= first) & (joined[first] == joined[until])
+    return (before[arrays[action]] < arrays[stop]) & (arrays[stop] <= last[arrays[action]])
 
 
 def _ascend(frames: Array) -> Array:
@@ -342,15 +329,13 @@ _FALL_RELATIONS = (
     Relation("falls_fall", "falls, each with its lie and rise, behind the actions of states", _falls_behind),
     Relation("falls_lie", "lying between a fall and a rise", _lie_between),
 )
-_STOP_RELATIONS = (
-    Relation("falls_stop", "frames of rises", partial(_stop_within, "falls_rise", "falls_rise", "falls_stop")),
-    Relation(
-        "falls_stagger_stop",
-        "frames of staggers",
-        partial(_stop_within, "falls_stagger", OF_PIECES[0], "falls_stagger_stop"),
-    ),
+_CHEER_RELATIONS = (
+    Relation("falls_cheer_stop", "frames of celebrations", partial(_stop_within, "falls_cheer", "falls_cheer_stop")),
 )
-_PIECE_RELATIONS = (Relation(OF_PIECES[0], "pieces that follow the first one without a gap", _one_after_another),)
+_STOP_RELATIONS = (
+    Relation("falls_stop", "frames of rises", partial(_stop_within, "falls_rise", "falls_stop")),
+    Relation("falls_stagger_stop", "frames of staggers", partial(_stop_within, "falls_stagger", "falls_stagger_stop")),
+)
 _REST_RELATIONS = (
     Relation("rests_enter", "rests behind the actions of states and falls", _rests_behind),
     Relation("rests_frames", "frames that ascend", lambda arrays: _ascend(arrays["rests_frames"])),

@@ -1,8 +1,8 @@
-"""Falls and staggers as actions behind all those that states choose among, for control to knock avatars down with.
+"""Falls, staggers and celebrations as actions behind all those that states choose among.
 
-Each can start from any pose: its motion is laid on the avatar's ground transform, and blends in as any other does. A
-fall leads from standing to lying, a piece of lying can be repeated, and rising leads back to a state of the graph.
-Staggers are in pieces, each of which a fall can follow.
+Each can start from any pose: its motion is laid on the ground transform of an avatar, and blends in as any other does.
+A fall leads from standing to lying, a piece of lying can be repeated; rising, staggers and celebrations lead back to
+a state of the graph.
 """
 
 from __future__ import annotations
@@ -27,19 +27,17 @@ if TYPE_CHECKING:
 
 LIE = 5.0 / 3.0
 """Longest piece of lying that is repeated [s]: one in which the embedded boxer breathes once."""
-PIECE = 0.4
-"""About how long a piece of a stagger is: who is knocked down meanwhile falls when it ends [s]."""
 LEAVES = 0.6
 """Time after a stagger, getting up or a rest within which captured motion is left for a state [s]."""
 HASTE = 0.03
 """What a second counts for that it takes longer to be in a state, beside how unlike poses are [m/s]."""
-FALL, LYING, RISE, STAGGER, STAGGER_ON = range(5)
-"""Kinds of such actions; the last is a piece of a stagger behind its first one."""
+FALL, LYING, RISE, STAGGER, CHEER = range(5)
+"""Kinds of such actions."""
 
 
 @dataclass(frozen=True)
 class Falls:
-    """The falls and staggers of a policy, by numbers of actions: F falls, G staggers.
+    """The falls, staggers and celebrations of a policy, by numbers of actions: F falls, G staggers, C celebrations.
 
     Attributes:
         fall: From standing to lying. Shape (F,), int32.
@@ -48,12 +46,12 @@ class Falls:
         rise: From lying to a state of the graph. Shape (F,), int32.
         direction: Bearing of the trunk's way in the avatar's ground frame at the start: 0 forward, pi / 2 to the left
             [rad]. Shape (F,), float32.
-        stagger: The first piece of each stagger, from standing; its state of arrival is that of the last one, a state
-            of the graph. Shape (G,), int32.
-        stagger_last: Its last piece; those in between have the numbers in between. Shape (G,), int32.
+        stagger: From standing to a state of the graph. Shape (G,), int32.
         stagger_direction: Bearing of the trunk's way likewise [rad]. Shape (G,), float32.
         stop: Control frame in which each rise brings the body to stand. Shape (F,), int32.
         stagger_stop: Control frame in which each stagger is over. Shape (G,), int32.
+        cheer: From standing to a state of the graph, fists raised between. Shape (C,), int32.
+        cheer_stop: Control frame in which each celebration is over. Shape (C,), int32.
     """
 
     fall: Array
@@ -61,22 +59,21 @@ class Falls:
     rise: Array
     direction: Array
     stagger: Array
-    stagger_last: Array
     stagger_direction: Array
     stop: Array
     stagger_stop: Array
+    cheer: Array
+    cheer_stop: Array
 
     @property
     def actions(self) -> Array:
-        """All of these actions, those of a fall side by side, and pieces of staggers behind them. Shape (n,), int32."""
-        return numbers_of(self.fall, self.lie, self.rise, self.stagger, self.stagger_last)
+        """All of these actions, those of a fall side by side, then staggers and celebrations. Shape (n,), int32."""
+        return numbers_of(self.fall, self.lie, self.rise, self.stagger, self.cheer)
 
 
-def numbers_of(fall: Array, lie: Array, rise: Array, stagger: Array, stagger_last: Array) -> Array:
-    """Return the numbers of all actions of falls and staggers, as in ``Falls``. Shape (n,), int32."""
-    three = np.stack([fall, lie, rise], axis=1).reshape(-1)
-    pieces = [np.arange(first, last + 1) for first, last in zip(stagger, stagger_last, strict=True)]
-    return np.concatenate([three, *pieces]).astype(np.int32)
+def numbers_of(fall: Array, lie: Array, rise: Array, stagger: Array, cheer: Array) -> Array:
+    """Return the numbers of all actions, as in ``Falls``. Shape (n,), int32."""
+    return np.concatenate([np.stack([fall, lie, rise], axis=1).reshape(-1), stagger, cheer]).astype(np.int32)
 
 
 def add_falls(
@@ -96,9 +93,9 @@ def add_falls(
     if not spans.any:
         return graph, actions, None
     stops, ends, states = _arrivals(database, graph, settings)
-    first, lengths, pieces = _pieces(database, stops, ends)
+    first, lengths = _frames(database, stops, ends)
     up, stay = np.split(states, [len(spans.starts)])
-    states = np.concatenate([np.repeat(up, 3), np.repeat(stay, pieces)])
+    states = np.concatenate([np.repeat(up, 3), stay])
     count, before = len(first), graph.choice_count
     extended = replace(
         graph,
@@ -108,53 +105,47 @@ def add_falls(
         action_costs=np.concatenate([graph.action_costs, np.zeros(count, np.float32)]),
     )
     numbers = np.arange(before, before + count, dtype=np.int32)
-    three, staggers = np.split(numbers, [3 * len(spans.starts)])
+    three, staggers, cheers = np.split(numbers, np.cumsum([3 * len(spans.starts), len(spans.staggers)]))
     fall, lie, rise = (np.ascontiguousarray(part) for part in three.reshape(-1, 3).T)
     falls = Falls(
         fall=fall,
         lie=lie,
         rise=rise,
         direction=spans.directions,
-        stagger=staggers[np.cumsum(pieces) - pieces],
-        stagger_last=staggers[np.cumsum(pieces) - 1],
+        stagger=staggers,
         stagger_direction=spans.stagger_directions,
         stop=spans.stops,
         stagger_stop=spans.staggers[:, 1],
+        cheer=cheers,
+        cheer_stop=spans.cheers[:, 1],
     )
     return extended, actions_behind(database, actions, first, lengths, states), falls
 
 
-def _pieces(database: MotionDatabase, stops: Array, ends: Array) -> tuple[Array, Array, Array]:
-    """Return first frame and length of each action, those of a fall or a stagger side by side. Shapes (n,), int32.
-
-    And of how many pieces each stagger is. Shape (G,), int64.
+def _frames(database: MotionDatabase, stops: Array, ends: Array) -> tuple[Array, Array]:
+    """Return first frame and length of each action, those of a fall side by side. Shapes (n,), int32.
 
     Args:
         database: The motion.
         stops: Last frame of each rise. Shape (F,).
-        ends: Last frame of each stagger. Shape (G,).
+        ends: Last frame of each stagger and celebration. Shape (G + C,).
     """
     spans = database.falls
     most = max(1, round(LIE * database.control_rate))
     lying = np.minimum(spans.rises - spans.downs, most)
     first = np.stack([spans.starts, spans.downs, spans.rises], axis=1) + 1
     lengths = np.stack([spans.downs - spans.starts, lying, stops - spans.rises], axis=1)
-    starts, last = spans.staggers[:, 0].astype(np.int64), ends.astype(np.int64)
-    pieces = np.maximum(np.rint((last - starts) / (PIECE * database.control_rate)).astype(np.int64), 1)
-    owner = np.repeat(np.arange(len(pieces)), pieces)
-    piece = np.arange(len(owner)) - (np.cumsum(pieces) - pieces)[owner]
-    low, high = ((last - starts)[owner] * number // pieces[owner] for number in (piece, piece + 1))
+    starts = np.concatenate([spans.staggers, spans.cheers])[:, 0]
     return (
-        np.concatenate([first.reshape(-1), starts[owner] + low + 1]).astype(np.int32),
-        np.concatenate([lengths.reshape(-1), high - low]).astype(np.int32),
-        pieces,
+        np.concatenate([first.reshape(-1), starts + 1]).astype(np.int32),
+        np.concatenate([lengths.reshape(-1), ends - starts]).astype(np.int32),
     )
 
 
 def _arrivals(database: MotionDatabase, graph: MotionGraph, settings: GraphSettings) -> tuple[Array, Array, Array]:
-    """Return the last frame of each rise and stagger, and the state whose pose is most like it.
+    """Return the last frame of each rise, of each stagger and celebration, and the state whose pose is most like it.
 
-    The states of rises come first. Shapes (F,), (G,) and (F + G,), int32.
+    The states of rises come first. Shapes (F,), (G + C,) and (F + G + C,), int32.
     """
     spans = database.falls
     features = frame_features(database, settings).astype(np.float64)
@@ -162,13 +153,13 @@ def _arrivals(database: MotionDatabase, graph: MotionGraph, settings: GraphSetti
     # Motion is left before it strikes, falls again or comes to rest, and before the clip ends.
     strikes, rests = database.strike_frames // database.stride, database.rests.frames[:, 0]
     bounds = np.sort(np.concatenate([database.clip_starts - 1, strikes, spans.spans[:, 0], rests]))
-    for stop in np.concatenate([spans.stops, spans.staggers[:, 1]]).astype(int):
+    for stop in np.concatenate([spans.stops, spans.staggers[:, 1], spans.cheers[:, 1]]).astype(int):
         bound = int(bounds[np.searchsorted(bounds, stop, side="right")]) - 1
         end, state = way_to_state(database, graph, features, stillness, stop, max(stop, bound))
         ends.append(end)
         found.append(state)
-    rises, staggers = np.split(np.array(ends, np.int32), [len(spans.stops)])
-    return rises, staggers, np.array(found, np.int32)
+    rises, others = np.split(np.array(ends, np.int32), [len(spans.stops)])
+    return rises, others, np.array(found, np.int32)
 
 
 def way_to_state(
@@ -250,6 +241,7 @@ def spans_of(falls: Falls | None, graph: MotionGraph) -> FallSpans:
         directions=np.asarray(falls.direction),
         staggers=np.stack([before[falls.stagger], np.asarray(falls.stagger_stop)], axis=1),
         stagger_directions=np.asarray(falls.stagger_direction),
+        cheers=np.stack([before[falls.cheer], np.asarray(falls.cheer_stop)], axis=1),
     )
 
 
@@ -259,17 +251,10 @@ def flatten_falls(falls: Falls | None) -> dict[str, Array]:
 
 
 def read_falls(arrays: Mapping[str, Array]) -> Falls | None:
-    """Return the falls in the arrays of a bundle; in older ones bodies stand when rises and staggers end.
-
-    There staggers are of one piece.
-    """
+    """Return the falls in the arrays of a bundle; in older ones, bodies stand when rises and staggers end."""
     if "falls_fall" not in arrays:
         return None
     last = arrays["graph_action_first"] + arrays["graph_action_lengths"] - np.int32(1)
-    pieces = {"falls_stagger_last": arrays["falls_stagger"], **arrays}
-    found = {
-        "falls_stop": last[arrays["falls_rise"]],
-        "falls_stagger_stop": last[pieces["falls_stagger_last"]],
-        **pieces,
-    }
+    stops = {"falls_stop": last[arrays["falls_rise"]], "falls_stagger_stop": last[arrays["falls_stagger"]]}
+    found = {**stops, "falls_cheer": last[:0], "falls_cheer_stop": last[:0], **arrays}
     return Falls(**{field.name: found[f"falls_{field.name}"] for field in fields(Falls)})

@@ -14,6 +14,7 @@ from crowdsim.motion import ground, quaternion
 from crowdsim.motion.body import Body
 from crowdsim.motion.contacts import plant_spans
 from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.motion.rests import DOWN, UP
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.poses.facing import chest_direction, face_direction
 from crowdsim.poses.gait import Gait, measure_gait
@@ -95,6 +96,8 @@ class PoseMotion:
         shifts: Where the ground transform of that frame lies then, as seen from the avatar's. Shape (A, 3).
         down: Whether a body falls, lies or gets up in each frame; its feet then count as planted in none.
             Shape (P,), bool.
+        breathes: Which way a breath bends the trunk in each frame: 1 forward, of a body that lies on its back, -1
+            backward, of one at ease or face down; 0 elsewhere. Shape (P,), float32.
     """
 
     skeleton: Skeleton
@@ -113,6 +116,7 @@ class PoseMotion:
     lengths: Array
     shifts: Array
     down: Array
+    breathes: Array
 
     def frames_at(self, actions: Array, done: Array) -> Array:
         """Return the playback frames that are nearest after ``done`` control frames of actions. All of shape (n,)."""
@@ -172,6 +176,7 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         lengths=np.asarray(graph.action_lengths, dtype=np.int64),
         shifts=np.asarray(policy.actions.shifts, dtype=np.float64),
         down=down,
+        breathes=_breathes(database, body, positions),
     )
 
 
@@ -224,6 +229,20 @@ def fallen_frames(database: MotionDatabase) -> Array:
     for start, stop in zip(database.falls.starts, database.falls.stops, strict=True):
         down[int(start) * database.stride + 1 : int(stop) * database.stride] = True
     return down
+
+
+def _breathes(database: MotionDatabase, body: Body, positions: Array) -> Array:
+    """Return which way a breath bends the trunk in each playback frame, see ``PoseMotion``. Shape (P,), float32."""
+    found = np.zeros(database.frame_count * database.stride, np.float32)
+    for row in database.rests.frames.astype(int):
+        found[row[DOWN] * database.stride : row[UP] * database.stride + 1] = -1.0
+    across = positions[:, body.roles["left_hip"]] - positions[:, body.roles["right_hip"]]
+    trunk = positions[:, body.roles["neck"]] - positions[:, body.roles["left_hip"]]
+    faces_up = np.cross(across, trunk)[:, 1] > 0.0
+    for down, rise in zip(database.falls.downs.astype(int), database.falls.rises.astype(int), strict=True):
+        some = slice(down * database.stride, rise * database.stride + 1)
+        found[some] = np.where(faces_up[some], 1.0, -1.0)
+    return found
 
 
 def _tracks(holds: Array, world_rotations: Array, rotations: Array, toes: Array) -> Array:

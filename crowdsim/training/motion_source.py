@@ -44,8 +44,8 @@ class PerformerSource(StrictModel):
         default=0,
         ge=0,
         le=1000,
-        description="How often each kind of fall and stagger is performed besides; 0: not at all, and who is knocked "
-        "down staggers and leaves.",
+        description="How often each kind of fall, stagger and celebration is performed besides; 0: not at all, and "
+        "who is knocked down staggers and leaves.",
     )
     rests: int = Field(
         default=0,

@@ -163,73 +163,11 @@ def test_whoever_is_knocked_down_falls_lies_and_rises_where_the_blow_came_to():
     assert len(clear) > 3
     assert all(ahead == forward for ahead, forward in clear)
     order = {layout.FALLING: {layout.LYING}, layout.LYING: {layout.RISING}}
-    order[layout.RISING] = {layout.UP, layout.STAGGERS, layout.FALLING}
+    order[layout.RISING] = {layout.UP, layout.FALLING}
     for states in seen:
         for one_state, next_state in itertools.pairwise([key for key, _ in itertools.groupby(states)]):
             if one_state in order:
                 assert next_state in order[one_state]
-
-
-def test_a_blow_makes_an_avatar_stagger_where_its_policy_has_staggers():
-    model = falling(build_model(POLICIES), [(0.0, 0, layout.STUMBLES, 5, 0)])
-    given = rules() * np.where(np.arange(12) == column("down_from"), 100.0, 1.0)
-    one = Simulation(replace(fighters(rules=given), policies=POLICIES), model=model)
-    stumbled = 0
-    for _ in range(200):
-        before = one.avatars.conditions["standing"].copy()
-        one.run(1)
-        now = one.avatars.conditions["standing"]
-        done = (before == layout.STAGGERS) & (now == layout.UP)
-        assert (one.avatars.motion["action"][one.avatars.slot_of[done]] == 5).all()
-        stumbled += int(done.sum())
-    assert stumbled > 3
-
-
-PIECES = (layout.STUMBLES, layout.STUMBLES_ON, layout.STUMBLES_ON)
-
-
-def stumbling(**thresholds):
-    """A fight of many staggers of three pieces, which are actions 5, 9, and 7, and of falls."""
-    rows = [(0.0, 0, kind, kind, 0) for kind in (layout.FALLS, layout.LIES, layout.STANDS_UP)]
-    rows += [(0.0, 0, kind, action, 3) for kind, action in zip(PIECES, (5, 9, 7), strict=True)]
-    hurting = rules()
-    for name, value in thresholds.items():
-        hurting[:, column(name)] = value
-    model = falling(build_model(POLICIES), rows)
-    return Simulation(replace(fighters(rules=hurting), policies=POLICIES), model=model)
-
-
-def actions_in_turn(one, frames=300):
-    """What each avatar does: its actions as they follow one another, its standing and row of falls as each starts."""
-    avatars = one.avatars
-    turns = [[] for _ in range(12)]
-    for _ in range(frames):
-        decided = avatars.fight["decisions"].copy()
-        one.run(1)
-        for slot in np.flatnonzero(avatars.fight["decisions"] != decided):
-            number = int(avatars.number[slot])
-            row = avatars.conditions[number]
-            turns[number].append((int(avatars.motion["action"][slot]), row["standing"], int(row["fall"])))
-    return turns
-
-
-def test_a_stagger_goes_on_piece_by_piece():
-    follows = set()
-    for turns in actions_in_turn(stumbling(down_from=1e4, full_health=1e6, stagger_from=HIT)):
-        for (action, _, row), (following, _, _) in itertools.pairwise(turns):
-            if (action, row) in ((5, 3), (9, 4)):
-                follows.add((action, following))
-    assert follows == {(5, 9), (9, 7), (5, 5), (9, 5)}  # or another blow, and it begins again
-
-
-def test_an_avatar_that_is_knocked_down_in_a_stagger_falls_at_once():
-    after, one = set(), stumbling(stagger_from=1.0, full_health=1e6, most_downs=1e6)
-    for turns in actions_in_turn(one, 500):
-        for (action, _, row), (following, standing, _) in itertools.pairwise(turns):
-            if (action, row) in ((5, 3), (9, 4)):
-                after.add((action, following, bool(standing == layout.FALLING)))
-    goes_on = {(5, 9, False), (9, 7, False), (5, 5, False), (9, 5, False)}
-    assert after == goes_on | {(5, 0, True), (9, 0, True)}
 
 
 def test_from_the_blow_on_an_avatar_that_is_knocked_down_falls_and_throws_nothing():

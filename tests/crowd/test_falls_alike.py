@@ -17,6 +17,7 @@ from crowdsim.crowd.kernels.falling import (
     LATELY,
     LIKE,
     NEARBY,
+    OFF,
     SHOWN,
     UNLIKE,
     _unlike,
@@ -70,7 +71,7 @@ def naive_gap(one: Simulation, own: int, row: int, left: int) -> float:
 def test_avatars_fall_by_the_fall_that_begins_most_like_what_they_do() -> None:
     one, rng = fighting(), np.random.default_rng(1)
     falls, turns = one.model.falls, one.model.falls["direction"]
-    chosen = set()
+    chosen, world = set(), one._world._replace(arena=one._world.arena._replace(kind=0.0))
     for own in range(one.present):
         for kind in (layout.FALLS, layout.STUMBLES):
             blow = float(rng.uniform(-np.pi, np.pi))
@@ -81,10 +82,13 @@ def test_avatars_fall_by_the_fall_that_begins_most_like_what_they_do() -> None:
             further = np.maximum(aside - aside.min() - LIKE, 0.0)
             left = last_frame(one, own) - int(rng.integers(0, 6))
             gaps = np.array([_unlike(one.model, one.avatars, own, row, left) for row in rows])
+            moves, push = one.model.moves[falls["action"][rows]], float(rng.uniform(0.2, 0.9))
             costs = ASIDE * further + UNLIKE * gaps
+            if kind == layout.STUMBLES:
+                costs += OFF * np.abs(one.avatars.playback["scale"][own] * np.hypot(moves["x"], moves["z"]) - push)
             costs[further > (0.0 if kind == layout.STUMBLES else FURTHEST_ASIDE - LIKE)] = np.inf
             shown = np.zeros(0)
-            found = pick_fall(one.model, one.avatars, one._world, 0, own, kind, left, shown, NO_NEIGHBOURS, 0)
+            found = pick_fall(one.model, one.avatars, world, 0, own, kind, push, left, shown, NO_NEIGHBOURS, 0)
             assert found == rows[int(np.argmin(costs))]
             chosen.add(found)
     assert len(chosen) > 6
@@ -131,9 +135,9 @@ def test_a_fall_that_has_just_been_shown_is_not_shown_again_if_another_leads_the
     rows = np.flatnonzero(falls["kind"] == layout.FALLS)
     for own in range(one.present):
         left, shown = last_frame(one, own), np.zeros(len(falls))
-        first = pick_fall(one.model, one.avatars, one._world, 0, own, layout.FALLS, left, shown, NO_NEIGHBOURS, 0)
+        first = pick_fall(one.model, one.avatars, one._world, 0, own, layout.FALLS, 0.0, left, shown, NO_NEIGHBOURS, 0)
         shown[falls["twin"][first]] = 1e6
-        second = pick_fall(one.model, one.avatars, one._world, 0, own, layout.FALLS, left, shown, NO_NEIGHBOURS, 0)
+        second = pick_fall(one.model, one.avatars, one._world, 0, own, layout.FALLS, 0.0, left, shown, NO_NEIGHBOURS, 0)
         assert second in rows
         assert falls["twin"][second] != falls["twin"][first]
 

@@ -20,6 +20,10 @@ def chosen_actions(kind, actions, directions, stances):
     model = build_model([BOTH], with_stances=True)
     if kind == layout.STUMBLES:
         rows = [(turn, 0, kind, action, k) for k, (turn, action) in enumerate(zip(directions, actions, strict=True))]
+        # All of them end where they begin: there is as much room for each.
+        moves = model.moves.copy()
+        moves["x"][actions], moves["z"][actions] = 0.0, 0.0
+        model = model._replace(moves=moves)
     else:
         rows = [
             (turn, 0, part, action if part == layout.STANDS_UP else 3 * k + part, 3 * k)
@@ -34,12 +38,16 @@ def chosen_actions(kind, actions, directions, stances):
     hurting[:, column("most_downs")] = 1e6
     one = Simulation(replace(fighters(rules=hurting, stances=stances, interval=0.0), policies=[BOTH]), model=model)
     found = {int(stance): set() for stance in np.unique(stances)}
-    begun = layout.STAGGERS if kind == layout.STUMBLES else layout.LYING
     for _ in range(300):
-        before = one.avatars.conditions["standing"].copy()
+        before, decided = one.avatars.conditions["standing"].copy(), one.avatars.fight["decisions"].copy()
         one.run(1)
         now = one.avatars.conditions["standing"]
-        for number in np.flatnonzero((before == begun) & (now != begun)):
+        begun = (before == layout.LYING) & (now != layout.LYING)
+        if kind == layout.STUMBLES:
+            # At the blow, so that no action has ended.
+            begun = (one.avatars.fight["decisions"] > decided) & (one.avatars.playback["action_before"] == -1)
+            begun = begun[one.avatars.slot_of]
+        for number in np.flatnonzero(begun):
             action = int(one.avatars.motion["action"][one.avatars.slot_of[number]])
             if action in actions:
                 found[int(stances[number])].add(action)

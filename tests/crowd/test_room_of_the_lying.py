@@ -79,10 +79,12 @@ def test_nobody_staggers_onto_a_body(direction: float) -> None:
     rows = [*(row[:5] for row in model.falls.tolist()), (0.0, 0, layout.STUMBLES, ACTION, 0)]
     model = falling(model._replace(moves=moves), rows)
     one, own = placed_beside(model, direction)
-    row = len(model.falls) - 1
-    unfit = _unfit(model, one.avatars, one._world, 0, own, row, 0.0, 0.0, seen(int(one.avatars.slot_of[1])), 0)
+    row, push = len(model.falls) - 1, 0.7 * float(one.avatars.playback["scale"][own])
+    unfit = _unfit(model, one.avatars, one._world, 0, own, row, 0.0, 0.0, push, seen(int(one.avatars.slot_of[1])), 0)
     assert np.isinf(unfit) == (direction == 0.0)
-    assert _unfit(model, one.avatars, one._world, 0, own, row, 0.0, 0.0, seen(), 0) == 0.0
+    assert _unfit(model, one.avatars, one._world, 0, own, row, 0.0, 0.0, push, seen(), 0) == pytest.approx(
+        0.0, abs=1e-6
+    )
 
 
 @pytest.mark.parametrize("direction", np.linspace(0.0, 6.0, 7))

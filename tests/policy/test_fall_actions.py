@@ -13,7 +13,8 @@ from naive_policy import action_values
 from crowdsim.errors import PolicyError
 from crowdsim.graph.features import frame_features
 from crowdsim.motion import ground
-from crowdsim.performer.falls import FALLS
+from crowdsim.performer.cheers import CHEERS
+from crowdsim.performer.falls import FALLS, STAGGERS
 from crowdsim.policy.actions import stillness_between
 from crowdsim.policy.bundle import load_policy, write_arrays, write_bundle
 from crowdsim.policy.falls import LIE, _arrivals
@@ -32,7 +33,8 @@ def test_falls_lie_behind_all_other_actions() -> None:
     falls, graph, actions = policy.falls, policy.graph, policy.actions
     assert falls is not None
     assert len(falls.fall) == 2 * len(FALLS)
-    assert len(falls.stagger) == 6
+    assert len(falls.stagger) == 2 * len(STAGGERS)
+    assert len(falls.cheer) == 2 * len(CHEERS)
     np.testing.assert_array_equal(falls.actions, np.arange(graph.choice_count, graph.action_count))
     assert actions.offsets[-1] == graph.action_offsets[-1] == graph.choice_count
     for name in ("next", "lengths", "costs"):
@@ -57,7 +59,8 @@ def test_a_fall_leads_to_lying_and_a_rise_from_there_to_a_state() -> None:
     heights = policy.database.pelvises[policy.database.stride * last, 1]
     assert (heights[falls.fall] < 0.3).all()
     assert (heights[falls.rise] > 0.7).all()
-    assert (heights[falls.stagger_last] > 0.7).all()
+    assert (heights[falls.stagger] > 0.7).all()
+    assert (heights[falls.cheer] > 0.7).all()
 
 
 def test_rises_end_where_they_pass_least_visibly_into_a_state() -> None:
@@ -66,7 +69,8 @@ def test_rises_end_where_they_pass_least_visibly_into_a_state() -> None:
     assert falls is not None
     features = frame_features(database, recipe().graph)
     stillness, rate = stillness_between(database), database.control_rate
-    actions, stops = np.concatenate([falls.rise, falls.stagger_last]), np.concatenate([falls.stop, falls.stagger_stop])
+    actions = np.concatenate([falls.rise, falls.stagger, falls.cheer])
+    stops = np.concatenate([falls.stop, falls.stagger_stop, falls.cheer_stop])
     later = 0
     for action, stop in zip(actions, stops, strict=True):
         last = graph.action_first[action] + graph.action_lengths[action] - 1
@@ -91,7 +95,7 @@ def test_rises_and_staggers_end_before_anything_strikes() -> None:
     strikes = database.strike_frames
     for action, stop in [
         *zip(falls.rise, falls.stop, strict=True),
-        *zip(falls.stagger_last, falls.stagger_stop, strict=True),
+        *zip(falls.stagger, falls.stagger_stop, strict=True),
     ]:
         last = graph.action_first[action] + graph.action_lengths[action] - 1
         assert not np.any((strikes > stop * database.stride) & (strikes <= last * database.stride))
@@ -198,12 +202,9 @@ def _fewer(arrays: dict[str, np.ndarray]) -> None:
 def _stops(name: str, off: int) -> Callable[[dict[str, np.ndarray]], None]:
     def change(arrays: dict[str, np.ndarray]) -> None:
         last = arrays["graph_action_first"] + arrays["graph_action_lengths"] - 1
-        first, until = (
-            arrays[f"falls_{part}"][0]
-            for part in (("rise", "rise") if name == "falls_stop" else ("stagger", "stagger_last"))
-        )
+        action = arrays[{"falls_stop": "falls_rise"}.get(name, name.removesuffix("_stop"))][0]
         arrays[name] = arrays[name].copy()
-        arrays[name][0] = last[until] + 1 if off > 0 else arrays["graph_action_first"][first] - 1
+        arrays[name][0] = last[action] + 1 if off > 0 else arrays["graph_action_first"][action] - 1
 
     return change
 
@@ -220,13 +221,13 @@ def _beyond(arrays: dict[str, np.ndarray]) -> None:
 @pytest.mark.parametrize(
     "change",
     [
-        *(_moved(f"falls_{name}") for name in ("fall", "lie", "rise", "stagger", "stagger_last")),
+        *(_moved(f"falls_{name}") for name in ("fall", "lie", "rise", "stagger", "cheer")),
         _missing,
         _fewer,
         _beyond,
         _half,
     ]
-    + [_stops(name, off) for name in ("falls_stop", "falls_stagger_stop") for off in (-1, 1)],
+    + [_stops(name, off) for name in ("falls_stop", "falls_stagger_stop", "falls_cheer_stop") for off in (-1, 1)],
 )
 def test_falls_from_strangers_are_checked(tmp_path: Path, change: Callable[[dict[str, np.ndarray]], None]) -> None:
     document, arrays = flatten_policy(falling_policy())
@@ -245,66 +246,23 @@ def test_in_older_bundles_bodies_stand_when_rises_and_staggers_end(tmp_path: Pat
     assert falls is not None
     last = graph.action_first + graph.action_lengths - 1
     np.testing.assert_array_equal(falls.stop, last[falls.rise])
-    np.testing.assert_array_equal(falls.stagger_stop, last[falls.stagger_last])
+    np.testing.assert_array_equal(falls.stagger_stop, last[falls.stagger])
 
 
-def test_staggers_are_in_pieces_that_follow_one_another() -> None:
-    policy = falling_policy()
-    falls, graph, rate = policy.falls, policy.graph, policy.database.control_rate
-    assert falls is not None
-    before, last = graph.action_first - 1, graph.action_first + graph.action_lengths - 1
-    for (start, _), first, final in zip(policy.database.falls.staggers, falls.stagger, falls.stagger_last, strict=True):
-        pieces = np.arange(first, final + 1)
-        assert before[first] == start
-        assert len(pieces) > 1
-        np.testing.assert_array_equal(before[pieces[1:]], last[pieces[:-1]])
-        assert np.ptp(graph.action_lengths[pieces]) <= 1
-        assert (graph.action_lengths[pieces] <= 0.6 * rate).all()
-        assert len(set(graph.action_next[pieces].tolist())) == 1
-
-
-def _gap(arrays: dict[str, np.ndarray]) -> None:
-    arrays["graph_action_first"] = arrays["graph_action_first"].copy()
-    arrays["graph_action_first"][arrays["falls_stagger"][0] + 1] += 1
-
-
-def _backwards(arrays: dict[str, np.ndarray]) -> None:
-    arrays["falls_stagger_last"] = arrays["falls_stagger"] - 1
-
-
-@pytest.mark.parametrize("change", [_gap, _backwards])
-def test_pieces_of_staggers_from_strangers_are_checked(
-    tmp_path: Path, change: Callable[[dict[str, np.ndarray]], None]
-) -> None:
+def test_in_older_bundles_nobody_celebrates(tmp_path: Path) -> None:
     document, arrays = flatten_policy(falling_policy())
-    change(arrays)
-    write_arrays(tmp_path / "foreign", document, arrays, {})
-    with pytest.raises(PolicyError):
-        load_policy(tmp_path / "foreign")
-
-
-def test_in_bundles_without_pieces_staggers_are_one(tmp_path: Path) -> None:
-    document, arrays = flatten_policy(falling_policy())
-    count, pieces = len(arrays["graph_action_next"]), arrays["falls_stagger_last"] - arrays["falls_stagger"]
-    start, first = int(arrays["falls_stagger"][0]), arrays["falls_stagger"]
-    kept = np.r_[:start, first]
-    lengths = arrays["graph_action_lengths"].copy()
-    for one, more in zip(first, pieces, strict=True):
-        lengths[one] = arrays["graph_action_lengths"][one : one + more + 1].sum()
-    assert len(kept) + pieces.sum() == count
-    rows = np.arange(len(arrays["actions_paths"]))
+    count, first = len(arrays["graph_action_next"]), int(arrays["falls_cheer"][0])
+    assert first + len(arrays["falls_cheer"]) == count
+    ends = arrays["actions_path_offsets"][first]
     for name, values in arrays.items():
-        if name.startswith(("graph_action_", "actions_")) and len(values) == count:
-            arrays[name] = (lengths if name in ("graph_action_lengths", "actions_lengths") else values)[kept]
-        elif name in ("actions_path_offsets", "actions_strike_offsets") and len(values) == count + 1:
-            arrays[name] = np.append(values[:-1][kept], values[-1])
-    assert arrays["actions_path_offsets"][-1] == len(rows)
-    arrays["falls_stagger"] = np.arange(start, start + len(first), dtype=np.int32)
-    del arrays["falls_stagger_last"]
+        if name.startswith(("graph_action_", "actions_")) and len(values) in (count, count + 1):
+            arrays[name] = values[: first + len(values) - count]
+    arrays["actions_paths"] = arrays["actions_paths"][:ends]
+    del arrays["falls_cheer"], arrays["falls_cheer_stop"]
     write_arrays(tmp_path / "older", document, arrays, {})
     falls = load_policy(tmp_path / "older").falls
     assert falls is not None
-    np.testing.assert_array_equal(falls.stagger_last, falls.stagger)
+    assert len(falls.cheer) == 0
 
 
 def test_fights_are_learned_away_from_falls() -> None:

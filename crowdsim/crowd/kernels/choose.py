@@ -4,6 +4,7 @@ import numpy as np
 
 from crowdsim.core.candidates import CandidateRules, draw_candidate
 from crowdsim.core.random import uniform
+from crowdsim.crowd.kernels.cheering import cheering_action
 from crowdsim.crowd.kernels.forced_actions import special_action
 from crowdsim.crowd.kernels.intents import is_resting
 from crowdsim.crowd.kernels.layout import AHEAD
@@ -56,10 +57,12 @@ def _forced_action(model, avatars, world, now, own, observed, q):
     """Return the action of an avatar that falls, is down or rests; -1 where it may choose."""
     if avatars.conditions.shape[0] == 0:
         return -1
-    action = special_action(model, avatars, world, now.frame, own, observed, q)
+    action = special_action(model, avatars, now.frame, own)
     if action >= 0:
         avatars.conditions[avatars.number[own]].piece = 0.0
-    elif model.ways_to_rest.shape[0] > 0:
+        return action
+    action = cheering_action(model, avatars, world, now, own)
+    if action < 0 and model.ways_to_rest.shape[0] > 0:
         action = resting_action(model, avatars, world, now, own)
     return action
 

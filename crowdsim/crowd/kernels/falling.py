@@ -6,9 +6,10 @@ import numpy as np
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.mathematics import atan2
+from crowdsim.crowd.kernels.arena import outside
 from crowdsim.crowd.kernels.fall_clearance import roomiest
 from crowdsim.crowd.kernels.kd_queries import box_distance
-from crowdsim.crowd.kernels.layout import FALLS, STANDS_UP, STUMBLES_ON
+from crowdsim.crowd.kernels.layout import FALLS, STANDS_UP, Axis
 from crowdsim.crowd.kernels.lying import axis_of, from_axis, is_on_floor
 from crowdsim.jit import kernel
 
@@ -21,7 +22,8 @@ SHOWN, LATELY = 0.06, 450.0  # how much it counts that another has fallen so, an
 BESIDE, NEARBY = 0.3, 5.0  # how much more it counts of one that is so near [m]
 GRAIN = 1048576.0  # parts of one
 LASTS = 2.0  # how much motion in a control frame counts beside poses
-STAGGERS_BY = 0.7  # how far from the axis of a body others stagger [m]
+STAGGERS_BY, APART = 0.7, 0.6  # how far from the axis of a body others stagger, and from where others go [m]
+OFF = 1.0  # how much a metre counts that a stagger leads further than the blow pushes, or less far
 
 
 @kernel(inline=True)
@@ -34,27 +36,18 @@ def part_of(model, fall, kind):
 
 
 @kernel(inline=True)
-def next_piece(model, row):
-    """Return the row of ``Model.falls`` with the next piece of a stagger, by that of a piece; -1 behind the last one.
-
-    Falls are followed by none.
-    """
-    following = row + 1
-    if following < model.falls.shape[0] and model.falls[following].kind == STUMBLES_ON:
-        return following
-    return -1
-
-
-@kernel(inline=True)
-def pick_fall(model, avatars, world, frame, own, kind, left, shown, observed, q):
+def pick_fall(model, avatars, world, frame, own, kind, push, left, shown, observed, q):
     """Return the row of ``Model.falls`` that costs least: a fall or stagger where the last blow leads; -1 for none.
 
-    It leads where the blow does, or further aside where there is more room; no stagger leads onto others. It leads to
-    the avatar's stance, and begins like the playback frame in which the avatar leaves its action, ``left``. ``shown``
-    (rows,), or (0,), is what each costs because it has been shown near by or lately.
+    It leads where the blow does, or further aside where there is more room; no stagger leads onto others or out of the
+    arena, and it goes as far as the blow pushes the avatar, ``push`` [m]. It leads to the avatar's stance, and begins
+    like the playback frame in which the avatar leaves its action, ``left``. ``shown`` (rows,), or (0,), is what each
+    costs because it has been shown near by or lately.
     """
     falls = model.falls
-    policy, stance = avatars.policy[own], int(avatars.conditions[avatars.number[own]].stance)
+    policy, stance = avatars.policy[own], 0
+    if avatars.conditions.shape[0] > 0:
+        stance = int(avatars.conditions[avatars.number[own]].stance)
     blow = atan2(avatars.fight[own].hit_x, avatars.fight[own].hit_z) - avatars.heading[own]
     nearest = math.inf
     for row in range(falls.shape[0]):
@@ -64,7 +57,7 @@ def pick_fall(model, avatars, world, frame, own, kind, left, shown, observed, q)
     for row in range(falls.shape[0]):
         if falls[row].policy != policy or falls[row].kind != kind:
             continue
-        cost = _unfit(model, avatars, world, frame, own, row, blow, nearest, observed, q)
+        cost = _unfit(model, avatars, world, frame, own, row, blow, nearest, push, observed, q)
         if cost >= least:
             continue
         cost += ASTRAY * min(_astray(model, row, stance), FAR_ASTRAY)
@@ -164,31 +157,34 @@ def _way(ground, before, after):
 
 
 @kernel
-def _unfit(model, avatars, world, frame, own, row, blow, nearest, observed, q):
-    """Return how unfit a fall or stagger is: how far it leads aside from a blow, and how little room there is."""
+def _unfit(model, avatars, world, frame, own, row, blow, nearest, push, observed, q):
+    """Return how unfit a fall or stagger is: how far it leads aside from a blow, and how little room there is.
+
+    And of a stagger how much further it goes than the blow pushes, or less far.
+    """
     aside = _apart(model.falls[row].direction, blow) - nearest
     if aside > FURTHEST_ASIDE:
         return math.inf
     unfit = ASIDE * max(aside - LIKE, 0.0)
     if model.falls[row].kind != FALLS:
-        return math.inf if aside > LIKE or _ends_on_body(model, avatars, own, row, observed, q) else unfit
+        if aside > LIKE or _has_no_room(model, avatars, world, own, row, observed, q):
+            return math.inf
+        move = model.moves[model.falls[row].action]
+        return unfit + OFF * abs(avatars.playback[own].scale * math.hypot(move.x, move.z) - push)
     return unfit + roomiest(model, avatars, world, frame, own, row, observed, q)[0]
 
 
 @kernel(inline=True)
-def _ends_on_body(model, avatars, own, row, observed, q):
-    """Return whether a stagger leads onto a body on the floor: close to its axis, and closer than the avatar is."""
-    piece = row
-    x, z, size = avatars.x[own], avatars.z[own], avatars.playback[own].scale
+def _has_no_room(model, avatars, world, own, row, observed, q):
+    """Return whether a stagger leads out of the arena, into others, or close to the axis of a body on the floor.
+
+    Where an avatar is nearer to that already, the stagger leads away.
+    """
+    x, z, size, move = avatars.x[own], avatars.z[own], avatars.playback[own].scale, model.moves[model.falls[row].action]
     cos, sin = cos_sin(avatars.heading[own])
-    dx, dz = 0.0, 0.0
-    while piece >= 0:
-        move = model.moves[model.falls[piece].action]
-        ex, ez = move.x * size, move.z * size
-        dx, dz = dx + ex * cos + ez * sin, dz + ez * cos - ex * sin
-        turned, aside = move.cos, move.sin
-        cos, sin = cos * turned - sin * aside, sin * turned + cos * aside
-        piece = next_piece(model, piece)
+    dx, dz = size * (move.x * cos + move.z * sin), size * (move.z * cos - move.x * sin)
+    if outside(world.arena, x + dx, z + dz) > outside(world.arena, x, z):
+        return True
     found = False
     for m in range(observed.counts[q]):
         j = observed.neighbours[q, m]
@@ -196,6 +192,10 @@ def _ends_on_body(model, avatars, own, row, observed, q):
             axis = axis_of(model, avatars, j)
             near = min(from_axis(axis, x + 0.5 * dx, z + 0.5 * dz), from_axis(axis, x + dx, z + dz))
             found |= near < min(STAGGERS_BY, from_axis(axis, x, z))
+        else:
+            way = Axis(avatars.x[j], avatars.z[j], avatars.motion[j].end_x, avatars.motion[j].end_z)
+            near = min(from_axis(way, x + 0.5 * dx, z + 0.5 * dz), from_axis(way, x + dx, z + dz))
+            found |= near < min(APART, from_axis(way, x, z))
     return found
 
 

@@ -1,11 +1,11 @@
-"""Special actions, which follow from damage instead of a choice: staggers, falls, lying and getting up."""
+"""Special actions, which follow from damage instead of a choice: lying and getting up."""
 
 import math
 
 import numpy as np
 
-from crowdsim.crowd.kernels.falling import last_frame, next_piece, part_of, pick_fall
-from crowdsim.crowd.kernels.layout import DROPS, FALLING, FALLS, LIES, LYING, RISING, STAGGERS, STANDS_UP, STUMBLES, UP
+from crowdsim.crowd.kernels.falling import part_of
+from crowdsim.crowd.kernels.layout import DROPS, FALLING, FALLS, LIES, LYING, RISING, STANDS_UP, UP
 from crowdsim.jit import kernel
 
 
@@ -26,25 +26,14 @@ def is_down(avatars, i):
 
 
 @kernel(inline=True)
-def special_action(model, avatars, world, frame, own, observed, q):
-    """Return the action that an avatar has to do next because it staggers, falls or is down; -1 where it may choose.
+def special_action(model, avatars, frame, own):
+    """Return the action that an avatar has to do next because it falls or is down; -1 where it may choose.
 
     What it will be doing is noted in its row of ``conditions``; others see it when the action starts.
     """
     row = avatars.conditions[avatars.number[own]]
     standing = row.standing
     row.standing_next = UP
-    if standing <= STAGGERS:
-        found = -1
-        if standing == STAGGERS:
-            left, nothing = last_frame(model, avatars, own), avatars.x[:0]
-            found = pick_fall(model, avatars, world, frame, own, STUMBLES, left, nothing, observed, q)
-        if found < 0:
-            found = next_piece(model, np.int64(row.fall))
-        if found < 0:
-            return -1
-        row.fall = found
-        return model.falls[found].action
     if FALLING <= standing <= LYING:
         avatars.slides[own].x, avatars.slides[own].z = 0.0, 0.0
         rises = standing == LYING and frame >= row.rises

@@ -57,11 +57,11 @@ def knock_down(model, avatars, world, now, strikes, first, last, tree, observed,
         if avatars.conditions[number].standing != DROPS:
             continue
         avatars.conditions[by].felled, avatars.conditions[by].felled_frame = number + 1.0, now.frame
-        left = _leave(model, avatars, now.frame, own, hit)
+        left = leave_action(model, avatars, now.frame, own, hit)
         around = Query(avatars.x[own], avatars.z[own], own, -1)
         observed.counts[0] = gather(tree, around, reach * reach, observed.neighbours[0], distances, stack)
         shown_before(model, avatars, now.frame, own, tree, anywhere, stack, shown)
-        row = pick_fall(model, avatars, world, now.frame, own, FALLS, left[1], shown, observed, 0)
+        row = pick_fall(model, avatars, world, now.frame, own, FALLS, 0.0, left[1], shown, observed, 0)
         condition = avatars.conditions[number]
         condition.fall, condition.standing_next, condition.piece = row, FALLING, 0.0
         note_fall(model, avatars, now.frame, number, SHOWN, -1.0, anywhere)
@@ -90,7 +90,7 @@ def _next_blow(strikes, first, last, number):
 
 
 @kernel(inline=True)
-def _leave(model, avatars, frame, i, hit):
+def leave_action(model, avatars, frame, i, hit):
     """Put an avatar where it was at a blow, at a whole playback frame of its action.
 
     Returns the frames of motion from there to the end of this control frame, and the playback frame.

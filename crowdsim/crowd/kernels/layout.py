@@ -15,7 +15,7 @@ FROM_START, FROM_END = range(2)
 # What an avatar does about its opponent, how it stands, and what an action of ``Model.falls`` is.
 FIGHTS, WATCHES, FLEES, RESTS, TRAVELS, NOTICES = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
 UP, STAGGERS, DROPS, FALLING, LYING, RISING, OUT = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
-FALLS, LIES, STANDS_UP, STUMBLES, STUMBLES_ON = range(5)
+FALLS, LIES, STANDS_UP, STUMBLES, CHEERS = range(5)
 
 CIRCLE, RECTANGLE = 1.0, 2.0  # kinds of an arena
 

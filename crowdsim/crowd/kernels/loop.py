@@ -10,7 +10,9 @@ from crowdsim.crowd.kernels.knock_downs import empty_room, knock_down
 from crowdsim.crowd.kernels.layout import Now, Observed
 from crowdsim.crowd.kernels.opponents import observe_all
 from crowdsim.crowd.kernels.record import write_record
+from crowdsim.crowd.kernels.records import THROWN
 from crowdsim.crowd.kernels.resolve import list_strikes, resolve
+from crowdsim.crowd.kernels.staggers import NEIGHBOURS, SEES, list_thrown, stagger
 from crowdsim.jit import kernel
 
 
@@ -55,6 +57,8 @@ def run_frames(model, avatars, world, now, count, still, fresh, scratch, record,
         if felled > 0:
             tree = everyone(avatars, present)
             knock_down(model, avatars, world, then, strikes, before, held, tree, observed, room)
+        if held > before:
+            _stagger(model, avatars, world, then, strikes, before, held, due, distances, hits)
         note_time(timings, clock, 5)
         write_record(model, avatars, record, k, 0, present)
         note_time(timings, clock, 6)
@@ -62,6 +66,19 @@ def run_frames(model, avatars, world, now, count, still, fresh, scratch, record,
         if felled > 0 or (world.pauses[0] != 0.0 and held > before):
             return k + 1, held, -1
     return count, held, -1
+
+
+@kernel
+def _stagger(model, avatars, world, now, strikes, first, last, due, distances, hits):
+    """Let avatars stagger that strikes ``first`` to ``last`` throw off their feet; the rest is scratch space."""
+    thrown = np.empty(last - first, THROWN)
+    count = list_thrown(model, avatars, world, now, strikes, first, last, thrown)
+    if count > 0:
+        for q in range(count):
+            due[q] = thrown[q].slot
+        room = Observed(np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, NEIGHBOURS), np.int32))
+        observe_all(avatars, now.present, due, count, SEES, room, distances, hits)
+        stagger(model, avatars, world, now, thrown[:count], room)
 
 
 @kernel(inline=True)

@@ -85,7 +85,7 @@ CONDITION = np.dtype(
         _F8, "mode", "does", "does_next", "keeps", "standing", "standing_next", "fall", "downs", "rises", "health",
         "hurt", "hurt_frame", "stamina", "tempo", "aggression", "range", "stance", "piece",
         "way_x", "way_z", "pace", "travel", "leg", "fell", "fell_frame", "felled",
-        "felled_frame", "since",
+        "felled_frame", "since", "cheered",
     )
 )  # fmt: skip
 """How an avatar is in a fight.
@@ -111,6 +111,7 @@ CONDITION = np.dtype(
     fell, fell_frame: 1 more than the row of ``Model.falls`` of its last fall, 0 for none, and the frame in which that
         began.
     felled, felled_frame: 1 more than the number of the avatar that it has knocked down last, 0 for none, and the frame.
+    cheered: 1 once it has celebrated that it has no opponent left, else 0.
     since: The frame from which on it does what ``mode`` says.
     travel, leg: 1 more than the number of its path (``Crowd.travels``), else 0, and which point of that is next.
 """
@@ -186,9 +187,13 @@ GRID_AXIS = np.dtype(_fields(_F8, "first", "per_unit", "points", "wraps", "apart
 fade, its range, and how much values are squeezed."""
 
 FALL = np.dtype([*_fields(_F8, "direction"), *_fields(_I4, "policy", "kind", "action", "fall", "twin")])
-"""What knocks avatars down: bearing of the trunk's way in the avatar's ground frame at its start, 0 forward, pi / 2 to
-the left [rad]; policy, kind (``FALLS`` to ``STUMBLES_ON``), action, the row of the fall that it belongs to, of a
-stagger that of its first piece, and the first row of the same captured motion, mirrored or not."""
+"""A fall, or another action that no avatar chooses: bearing of the trunk's way in the avatar's ground frame at its
+start, 0 forward, pi / 2 to the left [rad]; policy, kind (``FALLS`` to ``CHEERS``), action, the row of the fall that it
+belongs to, of others their own, and the first row of the same captured motion, mirrored or not."""
+
+THROWN = np.dtype([*_fields(_F8, "hit", "push"), *_fields(_I4, "slot", "row")])
+"""An avatar that a hit throws off its feet: when, how far [m], its slot, and the row of ``Model.falls`` by which it
+staggers, -1 for none."""
 
 LINE = np.dtype(_fields(_F8, "x", "z", "to_x", "to_z"))
 """Where a body lies: from its head to its feet, over the ground [m]."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from crowdsim.poses.layer import Layer
 from crowdsim.poses.layers.blend import Blend
+from crowdsim.poses.layers.breathing import Breathing
 from crowdsim.poses.layers.deflection import Deflection, SecondDeflection
 from crowdsim.poses.layers.feet import Feet
 from crowdsim.poses.layers.fists import Fists
@@ -24,6 +25,7 @@ LAYERS: tuple[type[Layer], ...] = (
     Hands,
     Floor,
     HeadTurns,
+    Breathing,
     Reactions,
     Kicks,
     Reaches,

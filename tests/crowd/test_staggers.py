@@ -1,0 +1,111 @@
+"""Avatars that a blow throws off their feet leave their action at the blow, and stagger as far as it pushes them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from falling import falling_policy
+from test_damage import column, fighters, rules
+from test_simulation import bytes_of
+
+from crowdsim.crowd import simulation
+from crowdsim.crowd.crowd import Crowding, build_crowd
+from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.records import STRIKE, THROWN
+from crowdsim.crowd.kernels.resolve import note_hits
+from crowdsim.crowd.kernels.staggers import FURTHEST, HURT, PUSH, THROWS, list_thrown
+from crowdsim.crowd.model import build_model
+from crowdsim.crowd.simulation import Simulation
+
+
+def brawl(count: int = 12, **other: object) -> Simulation:
+    """Boxers without damage in the middle of a fight."""
+    policy, angles = falling_policy(), 2.0 * np.pi * np.arange(count) / count
+    people = build_crowd(1.5 * np.sin(angles), 1.5 * np.cos(angles), angles + np.pi, policies=[policy], **other)
+    return Simulation(people, model=build_model([policy]))
+
+
+def stumbles(one: Simulation) -> np.ndarray:
+    """The actions that are staggers."""
+    return one.model.falls["action"][one.model.falls["kind"] == layout.STUMBLES]
+
+
+def begun(one: Simulation, frames: int) -> tuple[int, int]:
+    """Run so many frames; return how many staggers begin, and how many of their avatars were struck just then."""
+    staggers = struck = 0
+    for _ in range(frames):
+        before = one.avatars.motion["action"][one.avatars.slot_of].copy()
+        events = one.run(1).events
+        now = one.avatars.motion["action"][one.avatars.slot_of]
+        fresh = np.flatnonzero(np.isin(now, stumbles(one)) & (now != before))
+        staggers += len(fresh)
+        hit = events.victim[(events.outcome == layout.LANDED) | (events.outcome == layout.BLOCKED)]
+        struck += int(np.isin(fresh, hit).sum())
+    return staggers, struck
+
+
+def test_avatars_stagger_at_the_blow_without_damage_too() -> None:
+    staggers, struck = begun(brawl(), 300)
+    assert staggers > 3
+    assert struck == staggers
+
+
+def test_nobody_staggers_where_reactions_are_off() -> None:
+    one = brawl(crowding=replace(Crowding(), back=0.0, stunned=0.0))
+    assert begun(one, 300) == (0, 0)
+
+
+@pytest.mark.parametrize(("strength", "push"), [(0.95 * THROWS, 0.0), (1.2, 1.44 * PUSH), (5.0, FURTHEST)])
+def test_a_hit_throws_by_the_square_of_its_strength(strength: float, push: float) -> None:
+    one = brawl(4)
+    one.run(3)
+    strikes = np.zeros(1, STRIKE)
+    strikes["attacker"], strikes["victim"], strikes["outcome"] = 0, 1, layout.LANDED
+    strikes["frame"], strikes["speed"] = one.frame - 0.5, strength * one.model.sizes["strong"][0]
+    slot = int(one.avatars.slot_of[1])
+    one.avatars.motion["pending"][slot] = layout.NO_STRIKE
+    note_hits(one.model, one.avatars, one.frame, strikes, 0, 1)
+    out = np.zeros(1, THROWN)
+    count = list_thrown(one.model, one.avatars, one._world, one._now._replace(frame=one.frame), strikes, 0, 1, out)
+    assert count == (push > 0.0)
+    if count:
+        assert out["slot"][0] == slot
+        assert out["push"][0] == pytest.approx(push)
+    # An avatar that has just thrown a strike itself keeps its feet.
+    one.avatars.motion["pending"][slot] = -1
+    assert list_thrown(one.model, one.avatars, one._world, one._now._replace(frame=one.frame), strikes, 0, 1, out) == 0
+
+
+def test_harder_blows_lead_to_longer_staggers() -> None:
+    one = brawl()
+    lengths: list[tuple[float, float]] = []
+    for _ in range(400):
+        before = one.avatars.motion["action"].copy()
+        one.run(1)
+        now, fight = one.avatars.motion["action"], one.avatars.fight
+        for slot in np.flatnonzero(np.isin(now, stumbles(one)) & (now != before)):
+            move = one.model.moves[now[slot]]
+            lengths.append(
+                (float(np.hypot(fight["hit_x"][slot], fight["hit_z"][slot])), float(np.hypot(move["x"], move["z"])))
+            )
+    strength, far = np.array(lengths).T
+    assert len(strength) > 4
+    assert far[strength > np.median(strength)].mean() > far[strength <= np.median(strength)].mean()
+
+
+def test_an_avatar_that_is_hurt_much_staggers_at_the_blow() -> None:
+    hurting = rules()
+    hurting[:, column("down_from")], hurting[:, column("full_health")] = 1e4, 1e6
+    policy = falling_policy()
+    one = Simulation(replace(fighters(rules=hurting), policies=[policy]), model=build_model([policy]))
+    staggers, struck = begun(one, 200)
+    assert staggers > 3
+    assert struck == staggers
+    assert not (one.avatars.conditions["standing"] == layout.STAGGERS).any()
+    assert HURT > THROWS**2 * PUSH
+
+
+def test_staggers_do_not_depend_on_how_a_frame_is_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    small = bytes_of([brawl().run(200)])
+    monkeypatch.setattr(simulation, "SMALL", 0)
+    assert bytes_of([brawl().run(200)]) == small

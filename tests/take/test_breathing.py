@@ -1,0 +1,54 @@
+"""Avatars at ease and on the floor breathe, the quicker and deeper the more they have thrown."""
+
+import numpy as np
+import pytest
+
+from crowdsim.motion import quaternion
+from crowdsim.poses.kernels.breathing import Chest, breathe
+from crowdsim.poses.kernels.records import Moments, Offsets, Posed
+from crowdsim.poses.layers.breathing import breath
+
+TIMES = np.arange(0.0, 60.0, 0.05)
+
+
+@pytest.mark.parametrize(("effort", "rate", "depth"), [(0.0, 0.27, 1.6), (1.0, 0.62, 4.2)])
+def test_breaths_are_quicker_and_deeper_after_strikes(effort: float, rate: float, depth: float) -> None:
+    for avatar in range(5):
+        bent = breath(TIMES, np.full(len(TIMES), effort), avatar)
+        assert bent.min() >= 0.0
+        assert bent.max() == pytest.approx(np.deg2rad(depth), rel=0.01)
+        tops = np.count_nonzero((bent[1:-1] > bent[:-2]) & (bent[1:-1] >= bent[2:]))
+        assert tops == pytest.approx(60.0 * rate, rel=0.2)
+
+
+def test_avatars_breathe_out_of_step() -> None:
+    bent = np.array([breath(TIMES, np.zeros(len(TIMES)), avatar) for avatar in range(6)])
+    assert (np.corrcoef(bent) - 2.0 * np.eye(6) < 0.99).all()
+
+
+def test_breaths_pass_evenly_from_slow_to_quick() -> None:
+    bent = breath(TIMES, np.clip(TIMES / 30.0, 0.0, 1.0), 3)
+    assert np.abs(np.diff(bent)).max() < np.pi * 0.7 * np.deg2rad(4.2) * 0.05
+
+
+def test_a_breath_bends_the_trunk_about_the_hips_and_keeps_the_head_as_it_is() -> None:
+    parents = np.array([-1, 0, 1, 2], np.int64)
+    chest = Chest(parents, np.arange(4), np.array([0.0, 0.4, 0.6, -1.0]), np.array([1.0, 0.0, 0.0]))
+    rotations = quaternion.from_euler(np.random.default_rng(2).uniform(-0.6, 0.6, (4, 3)), "YXZ")
+    poses = Posed(np.zeros((3, 1, 3)), np.broadcast_to(rotations, (3, 1, 4, 4)).copy())
+    poses.roots[2] = np.nan
+    moments = Moments(np.zeros(1, np.int64), np.array([[0.5], [1.5], [1.5]]))
+    breathe(0, 1, moments, Offsets(np.full((8, 1), 0.05, np.float32), -2, 1.0), chest, poses)
+
+    def world(pose: np.ndarray) -> list[np.ndarray]:
+        found = [pose[0]]
+        for joint in pose[1:]:
+            found.append(quaternion.multiply(found[-1], joint))
+        return found
+
+    before, after = world(rotations), world(poses.rotations[1, 0])
+    turned = quaternion.multiply(after[2], quaternion.conjugate(before[2]))
+    across = quaternion.rotate(before[0], np.array([1.0, 0.0, 0.0]))
+    np.testing.assert_allclose(turned[1:], np.sin(0.025) * across, atol=1e-6)
+    np.testing.assert_allclose(after[3], before[3], atol=1e-7)
+    np.testing.assert_array_equal(poses.rotations[2, 0], rotations)
