@@ -170,7 +170,7 @@ def _unfit(model, avatars, world, frame, own, row, blow, nearest, push, observed
         if aside > LIKE or _has_no_room(model, avatars, world, own, row, observed, q):
             return math.inf
         move = model.moves[model.falls[row].action]
-        return unfit + OFF * abs(avatars.playback[own].scale * math.hypot(move.x, move.z) - push)
+        return unfit + OFF * abs(avatars.playback[own].scale * math.sqrt(move.x * move.x + move.z * move.z) - push)
     return unfit + roomiest(model, avatars, world, frame, own, row, observed, q)[0]
 
 
