@@ -56,6 +56,7 @@ def find_overlaps(tree, order, radii, greatest, first, last, out):
         overlaps = False
         for k in range(count):
             other = points[k]
-            away = math.hypot(tree.xs[q] - tree.xs[other], tree.zs[q] - tree.zs[other])
+            dx, dz = tree.xs[q] - tree.xs[other], tree.zs[q] - tree.zs[other]
+            away = math.sqrt(dx * dx + dz * dz)
             overlaps = overlaps or away < radius + radii[order[other]]
         out[order[q]] = overlaps
