@@ -136,9 +136,11 @@ def validate(document: Document, model: type[Model], error: type[CrowdsimError])
     return _sound(*_validate(document, model), error)
 
 
-def find_faults(path: FileName, model: type[BaseModel], overrides: Sequence[str] = ()) -> list[Finding]:
+def find_faults(
+    path: FileName, model: type[BaseModel], overrides: Sequence[str] = (), context: dict[str, Any] | None = None
+) -> list[Finding]:
     """Return everything that is wrong with a YAML file, in the order of its lines; an empty list when nothing is."""
-    return _read(path, model, overrides)[1]
+    return _read(path, model, overrides, context)[1]
 
 
 @collection_paused()

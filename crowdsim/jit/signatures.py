@@ -58,7 +58,9 @@ def encode(kind: Any) -> Any:
         access = "" if kind.mutable else " readonly"
         shape = f"{kind.ndim}{kind.layout}{access}"
         if isinstance(kind.dtype, types.Record):
-            return {"record": [list(field) for field in as_dtype(kind.dtype).descr], "shape": shape}
+            # What has no name lies between fields that are aligned.
+            fields = [list(field) for field in as_dtype(kind.dtype).descr if field[0]]
+            return {"record": fields, "shape": shape} | ({"aligned": True} if kind.dtype.aligned else {})
         return f"{kind.dtype} {shape}"
     if isinstance(kind, types.BaseNamedTuple):
         owner = kind.instance_class
@@ -83,7 +85,8 @@ def decode(text: Any) -> Any:
     if isinstance(text, list):
         return types.BaseTuple.from_types([decode(one) for one in text])
     if isinstance(text, dict) and "record" in text:
-        return _array(from_dtype(np.dtype([tuple(field) for field in text["record"]])), text["shape"])
+        record = np.dtype([tuple(field) for field in text["record"]], align=text.get("aligned", False))
+        return _array(from_dtype(record), text["shape"])
     if isinstance(text, dict):
         module, name = text["class"].split(":")
         owner = getattr(import_module(module), name)

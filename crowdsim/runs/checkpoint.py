@@ -32,8 +32,8 @@ VERSION = 2
 SHARE = 0.005
 """Share of a run's time that checkpoints may take."""
 
-AT_FIRST = 4e-9
-"""What a byte of the first checkpoint is taken to cost [s]."""
+AT_ONCE, AT_FIRST = 1 << 24, 4e-9
+"""Size of a first checkpoint that does not wait [bytes], and what a byte of it is taken to cost [s]."""
 
 LASTS_AFTER = 10.0
 """How long a run must have taken for its checkpoints to survive a power cut [s]; the wait for the disk costs 50 ms."""
@@ -207,14 +207,14 @@ class Pace:
     """Says when the next checkpoint may be written, so that all of them take no more than ``SHARE`` of the time.
 
     A byte is taken to cost as much as in the one before: a small checkpoint, at the end of a chunk, may come sooner.
-    The first one waits like the others, since there is little that it would save.
+    The first one comes at once, unless it is large: then it waits like the others, since it would save little.
 
     Args:
         lasts: Whether the first one is to survive a power cut already, since the one that it replaces does.
     """
 
     def __init__(self, lasts: bool = False) -> None:
-        self._wrote, self._seconds_per_byte = perf_counter(), AT_FIRST
+        self._wrote, self._seconds_per_byte, self._written = perf_counter(), AT_FIRST, False
         self._lasting = 0.0 if lasts else perf_counter() + LASTS_AFTER
 
     @property
@@ -224,9 +224,10 @@ class Pace:
 
     def is_due(self, size: int) -> bool:
         """Whether a checkpoint of about so many bytes may be written now."""
-        return perf_counter() >= self._wrote + size * self._seconds_per_byte / SHARE
+        at_once = not self._written and size <= AT_ONCE
+        return at_once or perf_counter() >= self._wrote + size * self._seconds_per_byte / SHARE
 
     def wrote(self, since: float, size: int) -> None:
         """Note that one of so many bytes has been written, begun at a time of ``perf_counter``."""
-        self._wrote = perf_counter()
+        self._wrote, self._written = perf_counter(), True
         self._seconds_per_byte = (self._wrote - since) / size

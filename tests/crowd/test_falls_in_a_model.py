@@ -7,6 +7,7 @@ import pytest
 from falling import falling_policy
 
 from crowdsim.crowd.crowd import build_crowd
+from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.model import build_model, entry_actions
 from crowdsim.crowd.simulate import simulate
 from crowdsim.policy.actions import leading_actions
@@ -40,10 +41,10 @@ def test_rows_of_falls_name_actions_of_the_run(count: int) -> None:
         for row in rows:
             direction, _, kind, action, fall, twin = model.falls[row].tolist()
             assert model.falls["policy"][twin] == policy
-            assert model.falls["kind"][fall] == (3 if kind >= 3 else 0)
+            assert model.falls["kind"][fall] == (kind if kind >= layout.STUMBLES else layout.FALLS)
             assert direction == model.falls["direction"][fall]
             assert model.falls["action"][fall] == action - (row - fall)
-            assert row - fall == kind if kind <= 2 else (row > fall) == (kind == 4)
+            assert row - fall == (kind if kind < layout.STUMBLES else 0)
             states = model.policies["states"][policy : policy + 2]
             assert states[0] <= model.actions["next"][action] < states[1]
 

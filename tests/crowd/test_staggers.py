@@ -19,9 +19,10 @@ from crowdsim.crowd.simulation import Simulation
 
 
 def brawl(count: int = 12, **other: object) -> Simulation:
-    """Boxers without damage in the middle of a fight."""
+    """Tall boxers, who hit hard, without damage in the middle of a fight."""
     policy, angles = falling_policy(), 2.0 * np.pi * np.arange(count) / count
-    people = build_crowd(1.5 * np.sin(angles), 1.5 * np.cos(angles), angles + np.pi, policies=[policy], **other)
+    fields = {"policies": [policy], "scale": 1.2, **other}
+    people = build_crowd(1.5 * np.sin(angles), 1.5 * np.cos(angles), angles + np.pi, **fields)
     return Simulation(people, model=build_model([policy]))
 
 
@@ -55,9 +56,11 @@ def test_nobody_staggers_where_reactions_are_off() -> None:
     assert begun(one, 300) == (0, 0)
 
 
-@pytest.mark.parametrize(("strength", "push"), [(0.95 * THROWS, 0.0), (1.2, 1.44 * PUSH), (5.0, FURTHEST)])
+@pytest.mark.parametrize(
+    ("strength", "push"), [(0.95 * THROWS, 0.0), (1.1 * THROWS, 1.21 * THROWS**2 * PUSH), (5.0, FURTHEST)]
+)
 def test_a_hit_throws_by_the_square_of_its_strength(strength: float, push: float) -> None:
-    one = brawl(4)
+    one = brawl(4, scale=1.0)
     one.run(3)
     strikes = np.zeros(1, STRIKE)
     strikes["attacker"], strikes["victim"], strikes["outcome"] = 0, 1, layout.LANDED

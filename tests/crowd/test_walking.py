@@ -23,7 +23,7 @@ RULES = np.array([[60.0, 6.0, 0.5, 0.1, 5.0, 9.0, 12.0, 3.0, 0.0, 0.0, 0.0, 0.0]
 
 def friends(x, z, **other):
     """Avatars of one team, which have nobody to fight."""
-    fields = {"conditioned": True, "rules": 0.0 * RULES, "seed": 4, "team": 0, **other}
+    fields = {"conditioned": True, "rules": 0.0 * RULES, "seed": 5, "team": 0, **other}
     return build_crowd(x, z, 1.3 * np.arange(len(x)), **fields)
 
 
@@ -93,7 +93,7 @@ def test_those_that_are_told_to_rest_do_not_walk_off():
 
 @pytest.mark.parametrize(("rises", "goes"), [(1e6, False), (math.inf, True)])
 def test_nobody_walks_off_while_an_opponent_may_get_up_again(rises, goes):
-    fighters = build_crowd([0.0, 6.0], [0.0, 0.0], conditioned=True, rules=0.0 * RULES, seed=4)
+    fighters = build_crowd([0.0, 6.0], [0.0, 0.0], conditioned=True, rules=0.0 * RULES, seed=3)
     one = Simulation(replace(fighters, policies=[resting_policy()]))
     down = one.avatars.conditions[1]
     down["standing"], down["rises"], down["fall"] = layout.LYING, math.inf, 0.0

@@ -69,7 +69,8 @@ def test_all_rests_on_the_spot_of_a_stance_are_shown_before_one_comes_again() ->
         assert len(set(order)) >= len(order) - 1
         assert not walked[order].any()
         shown.append(frozenset(order))
-    assert min(map(len, shown)) > 1
+    # Hands on the knees, of either stance, lead to nothing else on the spot.
+    assert sum(len(rests) == 1 for rests in shown) <= 2
     assert set().union(*shown) == set(np.flatnonzero(~walked).tolist())
 
 
@@ -104,7 +105,7 @@ def test_a_recipe_that_asks_for_rests_in_vain_warns() -> None:
     assert restless_policy().rests is None
     (warning,) = [line for line in restless_policy().statistics["warnings"] if line.startswith("no rests")]
     assert "stands at ease" in warning
-    assert resting_policy().statistics["rests"]["count"] == 8
+    assert resting_policy().statistics["rests"]["count"] == 10
 
 
 def test_bundles_keep_rests(tmp_path: Path) -> None:

@@ -19,10 +19,10 @@ from crowdsim.take.take import Events, Take
 RISE, BREATHS = 0.05, 0.3
 
 
-class Breathing(Layer):
+class Swaying(Layer):
     """A chest that leans back and forth, the more so the further the avatar is in its breath."""
 
-    name = "breathing"
+    name = "swaying"
 
     def plan(self, part: Part) -> Array:
         """Return by how much chests lean [rad]. Shape (T, n)."""
@@ -36,7 +36,7 @@ class Breathing(Layer):
         poses.rotations[:, :, chest] = quaternion.multiply(poses.rotations[:, :, chest].astype(float), spin)
 
 
-BREATHING = (*LAYERS[:4], Breathing, *LAYERS[4:])
+SWAYING = (*LAYERS[:4], Swaying, *LAYERS[4:])
 ASKED = np.arange(3), np.arange(10, 90) / 60.0
 
 
@@ -65,22 +65,22 @@ def poser(**more: Any) -> Poser:
 
 
 def test_a_layer_more_shows_and_is_read_by_the_fists_of_others() -> None:
-    still, breathing = (posed(poser(kinds=kinds), *ASKED)[1] for kinds in (LAYERS, BREATHING))
+    still, breathing = (posed(poser(kinds=kinds), *ASKED)[1] for kinds in (LAYERS, SWAYING))
     chest = database().body.roles["chest"]
     turns = quaternion.multiply(quaternion.conjugate(still[:, :, chest].astype(float)), breathing[:, :, chest])
     apart = np.linalg.norm(quaternion.to_rotation_vector(turns), axis=-1)
     assert 0.5 * RISE < apart.max() < 4.0 * RISE
     # At its strike the second one's fist is on the first one's head or trunk, wherever breath has moved these.
     when, (body, fists) = np.array([9.3 / 15.0]), (database().body, [])
-    for kinds in (LAYERS, BREATHING):
+    for kinds in (LAYERS, SWAYING):
         [(_, _, scales, positions, rotations)] = poser(kinds=kinds).joints(np.array([1]), when)
         fists.append(body_points(body, positions, rotations, scales)[3][0, 0])
     assert np.linalg.norm(fists[0] - fists[1]) > 0.002
 
 
 def test_with_a_layer_more_a_part_is_what_it_is_in_the_whole() -> None:
-    roots, rotations = posed(poser(kinds=BREATHING), *ASKED)
-    part = posed(poser(kinds=BREATHING), np.array([0, 2]), ASKED[1][30:41])
+    roots, rotations = posed(poser(kinds=SWAYING), *ASKED)
+    part = posed(poser(kinds=SWAYING), np.array([0, 2]), ASKED[1][30:41])
     np.testing.assert_array_equal(part[0], roots[30:41][:, [0, 2]])
     np.testing.assert_array_equal(part[1], rotations[30:41][:, [0, 2]])
 
@@ -110,7 +110,7 @@ def test_layers_that_are_left_out_leave_the_caches_of_others_alone() -> None:
 
 
 def test_layers_are_left_out_where_they_move_nothing_by_half_a_pixel() -> None:
-    scales = np.array([0.0, np.inf, 7.0, 6.0, 0.5, 2.0])
+    scales = np.array([0.0, np.inf, 9.0, 6.0, 0.5, 2.0])
     unseen = {int(avatar): names for avatars, names in unseen_layers(scales) for avatar in avatars}
     assert set(unseen) == {1, 2, 3, 4, 5}
     assert unseen[1] == unseen[2] == frozenset()
