@@ -88,7 +88,7 @@ def test_a_fall_is_less_fit_where_another_lies(direction: float) -> None:
     one.avatars.motion["end_z"][slot] += one.avatars.motion["end_z"][slot] - axis.z
     observed = Observed(np.array([slot], np.int32), np.array([1], np.int32), np.array([[slot]], np.int32))
     world, blow = one._world, 0.5 * np.pi
-    ahead, behind = (_unfit(model, one.avatars, world, 0, own, row, blow, blow, observed, 0) for row in (0, 3))
+    ahead, behind = (_unfit(model, one.avatars, world, 0, own, row, blow, blow, 0.0, observed, 0) for row in (0, 3))
     assert (ahead > behind) == (direction == 0.0)
     ways = [0.0, *(far * np.exp(1j * turn) for far in (0.5 * SLIDES, SLIDES) for turn in np.arange(8) * np.pi / 4)]
     row = 0 if direction == 0.0 else 3

@@ -237,7 +237,7 @@ def test_nothing_is_left_when_writing_fails(copied, monkeypatch):
 
 
 def test_an_array_of_another_version_is_refused_with_advice():
-    with pytest.raises(ArrayFault, match="is unknown, .* made again, a policy by 'crowdsim train'"):
+    with pytest.raises(ArrayFault, match=r"is unknown, .* made again, a policy by 'crowdsim train'"):
         check_table({}, {"falls_stagger_last": np.zeros(1)}, {})
 
 
