@@ -84,7 +84,8 @@ def check_table(
     found = dict(sizes)
     for name in arrays:
         if name not in table:
-            raise ArrayFault(name, "is unknown, expected only arrays of the format")
+            what = "is unknown, expected only arrays of the format; what another version made must be made again, "
+            raise ArrayFault(name, f"{what}a policy by 'crowdsim train'")
     for name, column in table.items():
         if name in arrays:
             check_array(name, arrays[name], column, found)

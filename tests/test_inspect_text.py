@@ -7,11 +7,13 @@ import re
 from pathlib import Path
 
 import pytest
+from falling import falling_policy
 from scenes import crowdsim, write_scene
 
 from crowdsim.commands.capture_text import capture_lines
 from crowdsim.commands.policy_text import policy_lines
 from crowdsim.motion.strikes import REASONS, Rejection
+from crowdsim.policy.bundle import write_bundle
 from crowdsim.take.figures_text import count, length, number, percent, rating, section, speed, time
 from crowdsim.take.run_text import run_lines
 
@@ -225,3 +227,17 @@ def test_clips_that_are_used_beside_the_graph_are_no_warning() -> None:
     warnings = [said.format(name) for name in ("at_ease", "lost", "at_ease~mirror")]
     figures = {"motion": {"frames_kept_by_clip": kept}, "warnings": [*warnings, "no rests: the recipe asks for them"]}
     assert _graph_warnings(figures) == [warnings[1], "no rests: the recipe asks for them"]
+
+
+def test_inspect_counts_falls_staggers_and_celebrations(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    policy = falling_policy()
+    monkeypatch.chdir(tmp_path)
+    write_bundle(tmp_path / "falling", policy, {})
+    assert crowdsim("inspect", "falling", "--json") == 0
+    falls = json.loads(capsys.readouterr().out)["falls"]
+    mirrored = 2 if policy.statistics["motion"]["mirrored"] else 1
+    assert falls["celebrations"] * mirrored == len(policy.falls.cheer) > 0
+    assert crowdsim("inspect", "falling") == 0
+    assert f"{falls['celebrations']} celebrations" in capsys.readouterr().out

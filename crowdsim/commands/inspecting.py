@@ -70,6 +70,9 @@ def _inspect_bundle(name: str, as_json: bool, plots: Path | None, force: bool) -
     policy = load_policy(folder)
     result = inspect_bundle(policy, read_timings(folder))
     result["warnings"] = _graph_warnings(result)
+    if policy.falls is not None and "falls" in result:
+        share = 2 if result["motion"]["mirrored"] else 1
+        result["falls"] = {**result["falls"], "celebrations": len(policy.falls.cheer) // share}
     if plots is not None:
         from crowdsim.training.plots import plot_bundle
 

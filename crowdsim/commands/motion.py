@@ -17,7 +17,8 @@ def perform(
     ] = 437.0,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Another seed, another session.")] = 1,
     falls: Annotated[
-        int, typer.Option(metavar="N", min=0, max=1000, help="Takes of each kind of fall and stagger besides.")
+        int,
+        typer.Option(metavar="N", min=0, max=1000, help="Takes of each kind of fall, stagger and celebration besides."),
     ] = 0,
     rests: Annotated[
         int,

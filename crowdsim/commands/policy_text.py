@@ -76,15 +76,18 @@ def _graph(graph: Figures, motion: Figures) -> list[Row]:
     ]
 
 
-NO_FALLS = "no falls found: who is knocked down staggers and leaves"
+NO_FALLS = "no falls found: an avatar that would stay down leaves the scene"
 
 
 def falls_text(falls: Figures | None) -> list[Row]:
-    """Return how many falls and staggers a policy has, and which way they go."""
+    """Return how many falls, staggers and celebrations a policy has, and which way they go."""
     if falls is None:
         return [("falls", NO_FALLS)]
     kinds = (("falls", "fall", falls["directions"]), ("staggers", "stagger", falls["stagger_directions"]))
-    return [(row, f"{count(len(ways), kind)}{_sides(ways)}") for row, kind, ways in kinds]
+    rows: list[Row] = [(row, f"{count(len(ways), kind)}{_sides(ways)}") for row, kind, ways in kinds]
+    if "celebrations" in falls:
+        rows.append(("celebrations", count(falls["celebrations"], "celebration")))
+    return rows
 
 
 def _sides(ways: Sequence[float]) -> str:

@@ -120,19 +120,26 @@ def attachment_warnings(scenario: Scenario, policies: Mapping[str, Policy]) -> l
         if name not in scenario.used_types or kind.policy not in policies or not kind.attachments:
             continue
         database = policies[kind.policy].database
-        held = {_joint_of(database, one.joint) for one in kind.attachments}
+        held: set[int | None] = set()
         for index, one in enumerate(kind.attachments):
             side = _hand_of(database, one.joint)
-            if side is None or one.strikes is not None or one.blocks:
+            if side is None:
+                continue
+            why = _why_not_striking(one, scenario.folder, kind.policy, database)
+            if one.strikes is not None or not why:  # it strikes, or is meant not to
+                held.add(_joint_of(database, one.joint))
                 continue
             beyond = float(np.linalg.norm(_tip(one, scenario.folder, database, side)[0] - _fist(database, side)))
-            if beyond >= _LONG and (what := _why_not_striking(one, scenario.folder, kind.policy, database)):
-                what = f"reaches {beyond:.2f} m out of the {SIDES[side]} fist and is only shown, {what}"
+            if beyond >= _LONG and not one.blocks:
+                held.add(_joint_of(database, one.joint))
+                what = f"reaches {beyond:.2f} m out of the {SIDES[side]} fist and is only shown, {why}"
                 findings.append(Finding(("types", name, "attachments", index), what))
         for prop in database.body.props:
             if int(prop["joint"]) not in held:
-                what = f"leave the {SIDES[prop['side']]} hand empty, but policy {kind.policy!r} strikes with the point "
-                what += f"{_shown(prop['offset'])} of a prop in it; expected an attachment there that ends at it"
+                what = (
+                    f"hold nothing in the {SIDES[prop['side']]} hand that ends at {_shown(prop['offset'])}, the point "
+                )
+                what += f"with which policy {kind.policy!r} strikes; expected an attachment there that ends at it"
                 findings.append(Finding(("types", name, "attachments"), what))
     return findings
 

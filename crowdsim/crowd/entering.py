@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,19 +26,21 @@ _RINGS, _WAYS, _NEAREST = 4, 12, 16
 
 
 class Arrival(NamedTuple):
-    """An avatar that could not enter where it was placed, since another one was there.
+    """An avatar that had no room where it was to enter, or to be put.
 
     Attributes:
         avatar: Its number.
         asked: Control frame in which it was to enter.
         entered: Control frame in which it did.
-        distance: How far from its placement that was [m].
+        distance: How far from there that was [m].
+        is_put: Whether an event put it there, instead of adding it.
     """
 
     avatar: int
     asked: int
     entered: int
     distance: float
+    is_put: bool = False
 
 
 def find_entries(crowd: Crowd, avatars: Avatars, present: int, numbers: Array) -> Array:
@@ -73,7 +75,7 @@ def find_entries(crowd: Crowd, avatars: Avatars, present: int, numbers: Array) -
     blocked = np.flatnonzero(~free & (entries_of(crowd, numbers) < 0))
     if not len(blocked):
         return found
-    around = _around()
+    around = points_around()
     tried = placed[blocked, None] + around
     free = _are_free(tried.reshape(-1, 2), np.repeat(own[blocked], len(around)), points, others)
     free &= _are_inside(crowd.arena, tried.reshape(-1, 2))
@@ -113,7 +115,7 @@ def find_place(
     if len(avatars.conditions):
         taken[avatars.conditions["standing"][here] >= layout.DROPS] = _DOWN
     slot = avatars.slot_of[number]
-    tried = np.asarray(point, float) + np.concatenate([np.zeros((1, 2)), _around()])
+    tried = np.asarray(point, float) + np.concatenate([np.zeros((1, 2)), points_around()])
     points = np.column_stack([avatars.x[:present], avatars.z[:present]])[others]
     free = _are_free(tried, np.full(len(tried), rooms[slot]), points, taken[others])
     free &= _are_inside(crowd.arena, tried)
@@ -122,7 +124,7 @@ def find_place(
     return tried[np.argmax(free)] if free.any() else None
 
 
-def _around() -> Array:
+def points_around() -> Array:
     """Return positions around an avatar that are tried, the nearest first. Shape (n, 2)."""
     rings, ways = np.arange(1, _RINGS + 1) * REACH / _RINGS, np.arange(_WAYS) * 2.0 * np.pi / _WAYS
     return np.concatenate([ring * np.column_stack([np.sin(ways), np.cos(ways)]) for ring in rings])
@@ -158,35 +160,61 @@ def first_in_line(crowd: Crowd, waiting: Mapping[int, int]) -> Array:
 
 
 def describe_arrivals(
-    arrivals: Sequence[Arrival], waiting: Mapping[int, int], frame: int, rate: float, names: Array
+    arrivals: Sequence[Arrival],
+    waiting: Mapping[int, int],
+    places: Container[int],
+    frame: int,
+    rate: float,
+    names: Array,
 ) -> str:
-    """Return in a sentence how avatars entered whose placements were taken, and which are still waiting.
+    """Return in words which avatars had no room where they were to enter, or to be put, and which are still waiting.
 
     Args:
         arrivals: Those that have entered.
         waiting: Those that have not, and since when [control frames].
+        places: Those of them that an event puts somewhere.
         frame: Control frames that were run.
         rate: Control frames a second.
         names: Names of all avatars.
     """
+    texts = []
+    for is_put, how in (
+        (False, ("added where another avatar stood", "entered", "its placement", "never entered")),
+        (True, ("put where it had no room", "was put", "that point", "is absent")),
+    ):
+        own = [one for one in arrivals if one.is_put == is_put]
+        late = {number: since for number, since in waiting.items() if (number in places) == is_put}
+        if own or late:
+            texts.append(_describe_some(own, late, how, frame, rate, names))
+    return "; ".join(texts)
+
+
+def _describe_some(
+    arrivals: Sequence[Arrival],
+    waiting: Mapping[int, int],
+    how: tuple[str, str, str, str],
+    frame: int,
+    rate: float,
+    names: Array,
+) -> str:
+    """Return in a sentence how avatars entered, or were put, that had no room, and which are still waiting."""
+    where, entered, there, never = how
     count = len(arrivals) + len(waiting)
-    if not count:
-        return ""
     moved = [one for one in arrivals if one.distance > 0.0]
     late = [one for one in arrivals if one.entered > one.asked]
     parts = []
     if moved:
         farthest = max(one.distance for one in moved)
-        parts.append(f"{_some(len(moved), count)}entered {_up_to(len(moved))}{farthest:.2f} m from its placement")
+        parts.append(f"{_some(len(moved), count)}{entered} {_up_to(len(moved))}{farthest:.2f} m from {there}")
     if late:
         longest = max(one.entered - one.asked for one in late) / rate
         parts.append(f"{_some(len(late), count)}waited for room for {_up_to(len(late))}{longest:.1f} s")
     if waiting:
         longest = (frame - min(waiting.values())) / rate
-        parts.append(f"{_some(len(waiting), count)}found no room in {longest:.1f} s and never entered")
+        parts.append(f"{_some(len(waiting), count)}found no room in {longest:.1f} s and {never}")
     first = names[min([*(one.avatar for one in arrivals), *waiting])]
     who = f"avatar {first} was" if count == 1 else f"{count:,} avatars, {first} the first of them, were"
-    return f"{who} added where another avatar stood: {'it ' if count == 1 else ''}{', '.join(parts)}"
+    return f"{who} {where}: {'it ' if count == 1 else ''}{', '.join(parts)}"
 
 
 def _up_to(number: int) -> str:

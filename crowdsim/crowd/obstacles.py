@@ -10,6 +10,7 @@ import numpy as np
 
 from crowdsim.config.files import Finding
 from crowdsim.core.types import Array
+from crowdsim.crowd.entering import REACH, points_around
 from crowdsim.places.arrays import Places, build_places, gaps_of, pack_parts
 from crowdsim.places.description import (
     BoxObstacle,
@@ -26,7 +27,7 @@ from crowdsim.places.kernels.records import DOOR, PART
 from crowdsim.places.plans import read_plan
 from crowdsim.places.sketch import PlanError
 from crowdsim.scenario.groups import FixedOpponents, OtherTeamOpponents, TargetOpponents
-from crowdsim.scenario.parts import Arena, CircleArena, NoArena
+from crowdsim.scenario.parts import SCALES, Arena, CircleArena, NoArena
 from crowdsim.scenario.scenario import Scenario
 
 BORDER = -1
@@ -124,6 +125,7 @@ def obstacle_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]], x
     findings = _start_findings(scenario, shapes, places, x, z)
     findings += _door_findings(scenario, shapes)
     findings += _path_findings(scenario, shapes)
+    findings += _point_findings(scenario, shapes)
     return findings or _enclosed_findings(scenario, _Regions(places), x, z)
 
 
@@ -248,6 +250,27 @@ def _path_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]]) -> l
             free = _nearest_free(shapes, places, points[i])
             what += "from all" + ("" if free is None else f", such as {free[0]:.2f}, {free[1]:.2f}")
             findings.append(Finding((*key, i), what))
+    return findings
+
+
+def _point_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]]) -> list[Finding]:
+    """Return a finding for each point at which obstacles leave no room for an avatar of any size; doors are open."""
+    parts = pack_parts(shapes, 1.0)
+    places = build_places(parts[parts["kind"] != DOOR], with_ways=False)
+    findings = []
+    for i, event in enumerate(scenario.events):
+        if event.kind != "place":
+            continue
+        point = np.array(event.point, float)
+        if (
+            gaps_of(places, point + np.concatenate([np.zeros((1, 2)), points_around()]), 0.0) < CLEAR * SCALES[0]
+        ).all():
+            obstacle = _words(scenario, _nearest_obstacle(places, point))
+            what = f"{point[0]:g}, {point[1]:g} is in or near {obstacle}, and no point within {REACH:g} m has room; "
+            free = _nearest_free(shapes, places, point)
+            what += f"expected one that is {CLEAR} m or more from all"
+            what += "" if free is None else f", such as {free[0]:.2f}, {free[1]:.2f}"
+            findings.append(Finding(("events", i, "point"), what))
     return findings
 
 

@@ -119,7 +119,7 @@ class Agenda:
     Attributes:
         pending: Numbers of the changes that have not happened yet.
         waiting: Avatars that were added and have no room yet, and since which control frame.
-        arrivals: Those that entered later, or elsewhere, than where they are placed.
+        arrivals: Those that entered, or were put, later or elsewhere than they were to.
         expected: Avatars that are to enter later, and in which control frame.
         places: Of those that are put somewhere else: x and z [m], and the heading that they keep [rad].
         standing: Numbers of the changes by which avatars leave as soon as their health is low.

@@ -203,9 +203,15 @@ class Simulation:
         return explain_frame(self.crowd, self.model, self.avatars, world, self._now, self._fresh, moves)
 
     def value_map(self, number: int) -> ValueMap | None:
-        """Return what an avatar's next action is worth by where its opponent stands; None where it decides nothing."""
+        """Return what an avatar's next action is worth by where its opponent stands; None where it decides nothing.
+
+        Raises:
+            ValueError: There is no such avatar.
+        """
         from crowdsim.crowd.value_map import map_values
 
+        if not 0 <= number < self.crowd.count:
+            raise ValueError(f"avatar {number} is not in the crowd, expected 0 to {self.crowd.count - 1}")
         if self.avatars.slot_of[number] >= self.present:
             return None
         return map_values(self.crowd, self.model, self.avatars, self._world_at(self.frame, 2), number)
@@ -227,9 +233,14 @@ class Simulation:
         write_state(self, state)
 
     def arrivals_text(self) -> str:
-        """Return in a sentence how avatars entered that were added where others are; nothing where there were none."""
+        """Return in a sentence which avatars had no room where they were added or put; nothing where all had."""
         return describe_arrivals(
-            self._agenda.arrivals, self._agenda.waiting, self.frame, self.rate, self.crowd.cast.names
+            self._agenda.arrivals,
+            self._agenda.waiting,
+            self._agenda.places,
+            self.frame,
+            self.rate,
+            self.crowd.cast.names,
         )
 
     @property
@@ -419,7 +430,8 @@ class Simulation:
             self.avatars.conditions["keeps"][change.who] = change.distance
             self.avatars.conditions["travel"][change.who] = self.avatars.conditions["leg"][change.who] = 0.0
         if change.travel is not None and change.health_below is None:
-            self._agenda.forget(np.flatnonzero(change.who).tolist())
+            numbers = np.flatnonzero(change.who).tolist()
+            self._agenda.forget(number for number in numbers if number not in self._agenda.places)
             self._set_out(change)
         if change.heals:
             self._heal(change.who)
@@ -446,12 +458,13 @@ class Simulation:
         self._enter()
 
     def _set_out(self, change: Change) -> None:
-        """Let avatars go away that are there, are not down for good, and whose health is low where that counts."""
+        """Let avatars go away that are there or put elsewhere, not down for good, and hurt where that counts."""
         assert change.travel is not None
         assert change.who is not None
         conditions = self.avatars.conditions
         goes = change.who & ~self._agenda.progress.out
-        goes[self.avatars.number[self.present :]] = False
+        absent = self.avatars.number[self.present :]
+        goes[absent] &= np.isin(absent, list(self._agenda.places))
         goes &= (conditions["mode"] != layout.TRAVELS) | (conditions["travel"] != change.travel + 1)
         if change.health_below is not None:
             goes &= conditions["health"] < change.health_below
@@ -490,21 +503,24 @@ class Simulation:
             self._leave(there)
 
     def _put_down(self) -> None:
-        """Put avatars that were taken up where there is room for them, as healthy as they were."""
+        """Put avatars that were taken up where there is room, in the health and on the journey that they had."""
         agenda = self._agenda
         for number in sorted(agenda.waiting.keys() & agenda.places.keys()):
             x, z, heading = agenda.places[number]
             at = self.find_place(number, x, z)
             if at is None:
                 continue
-            del agenda.waiting[number], agenda.places[number]
+            asked, away = agenda.waiting.pop(number), float(np.hypot(at[0] - x, at[1] - z))
+            if away > 0.0 or asked < self.frame:
+                agenda.arrivals.append(Arrival(number, asked, self.frame, away, is_put=True))
+            del agenda.places[number]
             kept = self.avatars.conditions[[number]] if len(self.avatars.conditions) else None
             now = np.arange(self.crowd.count) < self.present
             now[self.avatars.slot_of[number]] = True
             self._store(now, [number])
             enter(self.avatars, self.crowd, self.model, self.avatars.slot_of[[number]], at[None], np.array([heading]))
             if kept is not None:
-                for name in ("health", "stamina", "hurt", "hurt_frame", "downs"):
+                for name in ("health", "stamina", "hurt", "hurt_frame", "downs", "mode", "travel", "leg"):
                     self.avatars.conditions[name][number] = kept[name][0]
             self._index.reset()
 

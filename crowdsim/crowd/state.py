@@ -59,7 +59,7 @@ def read_state(simulation: Changing) -> dict[str, Array]:
         state.update({field: np.array(column) for field, column in _columns(f"world.{name}", values).items()})
     state["agenda.pending"] = np.array(agenda.pending, np.int64)
     state["agenda.waiting"] = np.array(sorted(agenda.waiting.items()), np.int64).reshape(-1, 2)
-    state["agenda.arrivals"] = np.array(agenda.arrivals, float).reshape(-1, 4)
+    state["agenda.arrivals"] = np.array(agenda.arrivals, float).reshape(-1, 5)
     state["agenda.expected"] = np.array(sorted(agenda.expected.items()), np.int64).reshape(-1, 2)
     places = [(number, *place) for number, place in sorted(agenda.places.items())]
     state["agenda.places"] = np.array(places, float).reshape(-1, 4)
@@ -106,8 +106,8 @@ def write_state(simulation: Changing, state: Mapping[str, Array]) -> None:
     simulation._agenda.pending = state["agenda.pending"].tolist()
     simulation._agenda.waiting = dict(state["agenda.waiting"].tolist())
     simulation._agenda.arrivals = [
-        Arrival(int(avatar), int(asked), int(entered), away)
-        for avatar, asked, entered, away in state["agenda.arrivals"].tolist()
+        Arrival(int(avatar), int(asked), int(entered), away, bool(is_put))
+        for avatar, asked, entered, away, is_put in state["agenda.arrivals"].tolist()
     ]
     simulation._agenda.expected = dict(state["agenda.expected"].tolist())
     simulation._agenda.places = {int(number): (x, z, turn) for number, x, z, turn in state["agenda.places"].tolist()}

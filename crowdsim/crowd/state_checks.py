@@ -195,11 +195,11 @@ def _check_rest(simulation: Changing, state: Mapping[str, Array]) -> None:
     for name, values, width in (
         ("agenda.waiting", waiting, 2),
         ("agenda.expected", expected, 2),
-        ("agenda.arrivals", arrivals, 4),
+        ("agenda.arrivals", arrivals, 5),
     ):
         if values.ndim != 2 or values.shape[1] != width:
             raise ValueError(f"array {name!r} has the shape {values.shape}, expected (n, {width})")
-        numbers, frames = values[:, 0], values[:, 1 : width - (width == 4)]
+        numbers, frames = values[:, 0], values[:, 1 : min(width, 3)]
         _refuse(name, numbers, (numbers >= 0) & (numbers < simulation.crowd.count) & (numbers == np.floor(numbers)))
         latest = FAR if name == "agenda.expected" else state["frame"]
         _refuse(name, frames, (frames >= 0) & (frames <= latest) & (frames == np.floor(frames)))
@@ -213,6 +213,7 @@ def _check_rest(simulation: Changing, state: Mapping[str, Array]) -> None:
     _refuse("agenda.places", places[1:, 0], np.diff(places[:, 0]) > 0)
     _refuse("agenda.places", places[:, 1:], np.abs(places[:, 1:]) <= FAR)
     _refuse("agenda.arrivals", arrivals[:, 3], (arrivals[:, 3] >= 0.0) & (arrivals[:, 3] <= FAR))
+    _refuse("agenda.arrivals", arrivals[:, 4], np.isin(arrivals[:, 4], [0.0, 1.0]))
     for name in ("agenda.landed", "agenda.landed_on"):
         _refuse(name, state[name], state[name] >= 0)
     _refuse(

@@ -10,7 +10,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars, Model, World
 from crowdsim.crowd.crowd import Crowd
-from crowdsim.crowd.kernels.layout import HEAD
+from crowdsim.crowd.kernels.layout import DROPS, HEAD
 from crowdsim.crowd.kernels.value_maps import best_values
 from crowdsim.policy.kernels.axes import Corners
 
@@ -46,7 +46,7 @@ class ValueMap:
 
 
 def map_values(crowd: Crowd, model: Model, avatars: Avatars, world: World, number: int) -> ValueMap | None:
-    """Return the value map of an avatar; None where none of its behaviours counts, or it decides nothing.
+    """Return the value map of an avatar; None where none of its behaviours counts, or it is down.
 
     Args:
         crowd: The crowd.
@@ -55,6 +55,8 @@ def map_values(crowd: Crowd, model: Model, avatars: Avatars, world: World, numbe
         world: What they share.
         number: Number of the avatar, which is there.
     """
+    if len(avatars.conditions) and avatars.conditions["standing"][number] >= DROPS:
+        return None
     slot = int(avatars.slot_of[number])
     index = int(avatars.policy[slot])
     policy, cohort = crowd.policies[index], int(avatars.playback["cohort"][slot])
@@ -71,8 +73,6 @@ def map_values(crowd: Crowd, model: Model, avatars: Avatars, world: World, numbe
 
     action, scale = int(avatars.motion["action"][slot]), float(avatars.playback["scale"][slot])
     state = int(model.actions["next"][action]) - int(model.policies["states"][index])
-    if state >= len(policy.actions.offsets) - 1:  # it falls or lies
-        return None
     far, aside = (part.ravel() for part in np.meshgrid(distances, bearings, indexing="ij"))
     height = _height_of(avatars, model, world, slot) / scale
     points = np.column_stack([far * np.sin(aside), np.full(len(far), height), far * np.cos(aside)])

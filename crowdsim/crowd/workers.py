@@ -57,7 +57,11 @@ class Workers:
                     first, last = ranges.popleft()
                 except IndexError:
                     return
-                work(first, last)
+                try:
+                    work(first, last)
+                except BaseException:
+                    ranges.clear()
+                    raise
 
         assert self._pool is not None
         futures = [self._pool.submit(work_off) for _ in range(min(self.threads, parts) - 1)]

@@ -229,8 +229,8 @@ class PlaceEvent(StrictModel):
 
     kind: Literal["place"] = Field(
         description="Takes an avatar out of the scene and puts it at a point in the next control frame, with the "
-        "heading, health and stamina that it had; up to 1 m beside the point where others or obstacles are, or as soon "
-        "as there is room. One that is down, or not there, stays as it is."
+        "heading, health, stamina and journey that it had; up to 1 m beside the point where others or obstacles are, "
+        "or as soon as there is room. One that is down, or not there, stays as it is."
     )
     when: Condition = Field(description="When it happens.")
     group: Name = Field(description="Group of the avatar.")

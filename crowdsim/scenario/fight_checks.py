@@ -58,7 +58,7 @@ def fight_findings(scenario: Description) -> Iterator[Finding]:
 
 def _tires(scenario: Description, group: Group) -> bool:
     """Return whether avatars of a group tire."""
-    return any(scenario.types[name].stamina is not None for name in group.types if name in scenario.types)
+    return any(_setting_of(scenario, name, "stamina") is not None for name in group.types)
 
 
 def _end_findings(scenario: Description) -> Iterator[Finding]:

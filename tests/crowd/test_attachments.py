@@ -135,8 +135,14 @@ def test_a_prop_that_looks_as_if_it_strikes_and_does_not_is_warned_of(folder, ca
         (
             [{**STICK, "joint": "left_hand"}],
             "has learned strikes without it",
-            "attachments: leave the right hand empty",
+            "attachments: hold nothing in the right hand that ends at [-0.39, 0, 0.45]",
         ),
+        (
+            [{**STICK, "capsules": [{"start": [0, 0, 0], "end": [-0.07, 0, 0.1], "radius": 0.01}]}],
+            "which ends at [-0.07, 0, 0.1], so that it would keep a wrong distance",
+            "attachments: hold nothing in the right hand that ends at [-0.39, 0, 0.45]",
+        ),
+        ([{**STICK, "blocks": True}], "which ends at", "attachments: hold nothing in the right hand that ends at"),
     ],
 )
 def test_a_prop_is_compared_with_the_one_that_a_policy_has_learned(folder, attachments, refused, warned):

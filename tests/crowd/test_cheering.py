@@ -49,6 +49,19 @@ def test_the_winners_celebrate_once_after_the_last_opponent_is_out() -> None:
         assert {TEAMS[other] for other in up} == {TEAMS[number]}
 
 
+def test_team_mates_celebrate_while_the_last_opponent_falls() -> None:
+    one = won()
+    while not (one.avatars.conditions["standing"] == layout.FALLING).any():
+        one.run(1)
+    rows, (last,) = one.avatars.conditions, np.flatnonzero(one.avatars.conditions["standing"] == layout.FALLING)
+    assert np.isinf(rows["rises"][last])
+    winners = np.flatnonzero(np.array(TEAMS) != TEAMS[last])
+    while rows["standing"][last] == layout.FALLING:
+        assert len(winners) == 2
+        one.run(1)
+    assert (rows["cheered"][winners] > 0.0).any()
+
+
 def test_nobody_celebrates_while_somebody_fights_it() -> None:
     one = won()
     while not (one.avatars.team < 0).any():

@@ -156,8 +156,9 @@ def test_states_with_arrivals_that_cannot_be_are_refused() -> None:
     assert state["agenda.waiting"].tolist() == [[0, 7]]
     for name, values in (
         ("agenda.waiting", [[30, 7]]), ("agenda.waiting", [[0, 10]]), ("agenda.waiting", [[1, 7]]),
-        ("agenda.waiting", [[0, 7], [0, 7]]), ("agenda.arrivals", [[0.5, 1, 1, 0]]),
-        ("agenda.arrivals", [[1, 1, 1, -1]]), ("agenda.arrivals", [[1, 1, 1, np.nan]]),
+        ("agenda.waiting", [[0, 7], [0, 7]]), ("agenda.arrivals", [[0.5, 1, 1, 0, 0]]),
+        ("agenda.arrivals", [[1, 1, 1, -1, 0]]), ("agenda.arrivals", [[1, 1, 1, np.nan, 0]]),
+        ("agenda.arrivals", [[1, 1, 1, 0, 2]]),
     ):  # fmt: skip
         wrong = {**state, name: np.array(values, state[name].dtype)}
         with pytest.raises(ValueError, match=f"array '{name}' holds .*, which is out of range"):
@@ -168,14 +169,20 @@ def test_states_with_arrivals_that_cannot_be_are_refused() -> None:
 
 def test_what_became_of_those_who_were_added_is_said_in_a_sentence() -> None:
     names = np.array(["a_0", "a_1", "a_2", "a_3"])
-    assert describe_arrivals([], {}, 60, 15.0, names) == ""
-    assert describe_arrivals([Arrival(1, 20, 20, 0.5)], {}, 60, 15.0, names) == (
+    assert describe_arrivals([], {}, {}, 60, 15.0, names) == ""
+    assert describe_arrivals([Arrival(1, 20, 20, 0.5)], {}, {}, 60, 15.0, names) == (
         "avatar a_1 was added where another avatar stood: it entered 0.50 m from its placement"
     )
-    text = describe_arrivals([Arrival(3, 20, 20, 0.25), Arrival(1, 20, 35, 0.75)], {2: 30}, 60, 15.0, names)
+    text = describe_arrivals([Arrival(3, 20, 20, 0.25), Arrival(1, 20, 35, 0.75)], {2: 30}, {}, 60, 15.0, names)
     assert text == (
         "3 avatars, a_1 the first of them, were added where another avatar stood: 2 entered up to 0.75 m from its "
         "placement, 1 waited for room for 1.0 s, 1 found no room in 2.0 s and never entered"
+    )
+    put = Arrival(0, 20, 50, 0.25, is_put=True)
+    assert describe_arrivals([put], {2: 30, 3: 45}, {3}, 60, 15.0, names) == (
+        "avatar a_2 was added where another avatar stood: it found no room in 2.0 s and never entered; 2 avatars, a_0 "
+        "the first of them, were put where it had no room: 1 was put 0.25 m from that point, 1 waited for room for "
+        "2.0 s, 1 found no room in 1.0 s and is absent"
     )
 
 

@@ -9,7 +9,7 @@ from test_simulation import bytes_of
 from test_state import through_a_file
 
 from crowdsim.crowd.kernels import layout
-from crowdsim.crowd.script import Change
+from crowdsim.crowd.script import Change, Travel
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.triggers import AtFrame
 
@@ -95,3 +95,49 @@ def test_an_avatar_that_lies_is_not_put_elsewhere() -> None:
     chunk = simulation.run(2)
     assert (chunk.action[:, lies] >= 0).all()
     assert (np.abs(chunk.x[1, lies]) < 20).all()
+
+
+def travelling(*changes: Change) -> Simulation:
+    """People of whom one may go away along a path."""
+    path = Travel(np.array([(30.0, 0.0), (40.0, 0.0)]), 0.1, ends_attacked=False, leaves=True)
+    return Simulation(replace(people(*changes), travels=(path,)))
+
+
+def test_an_avatar_that_is_put_elsewhere_goes_on_with_its_journey() -> None:
+    put = Change(AtFrame(30), who=ONLY, point=(9.0, -7.0))
+    one = travelling(Change(AtFrame(20), who=ONLY, travel=0), put)
+    one.run(30)
+    before = one.avatars.conditions[4].copy()
+    assert before["mode"] == layout.TRAVELS
+    one.run(2)
+    after = one.avatars.conditions[4]
+    for name in ("mode", "travel", "leg", "pace", "way_x", "way_z"):
+        assert after[name] == before[name]
+
+
+def test_an_avatar_that_is_put_elsewhere_and_leaves_in_one_frame_sets_out_where_it_is_put() -> None:
+    changes = (Change(AtFrame(20), who=ONLY, point=(9.0, -7.0)), Change(AtFrame(20), who=ONLY, travel=0))
+    one = travelling(*changes)
+    chunk = one.run(60)
+    assert (chunk.action[:, 4] < 0).nonzero()[0].tolist() == [20]
+    row = one.avatars.conditions[4]
+    assert (row["mode"], row["way_x"], row["way_z"]) == (layout.TRAVELS, 30.0, 0.0)
+    assert (chunk.opponent[25:, 4] == -1).all()
+    steps = travelling(*changes)
+    assert bytes_of([steps.run(count) for count in (20, 1, 39)]) == bytes_of([chunk])
+
+
+def test_a_run_says_that_an_avatar_was_put_beside_its_point_or_late() -> None:
+    plain = Simulation(people())
+    plain.run(20)
+    taken = plain.avatars.slot_of[7]
+    at = float(plain.avatars.x[taken]), float(plain.avatars.z[taken])
+    plain.change(Change(AtFrame(20), who=ONLY, point=at))
+    plain.run(2)
+    (arrival,) = plain._agenda.arrivals
+    assert (arrival.avatar, arrival.asked, arrival.entered, arrival.is_put) == (4, 21, 21, True)
+    said = f"avatar 4 was put where it had no room: it was put {arrival.distance:.2f} m from that point"
+    assert plain.arrivals_text() == said
+    other = Simulation(people())
+    other.restore(through_a_file(plain.state()))
+    assert other.arrivals_text() == said

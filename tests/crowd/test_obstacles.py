@@ -15,6 +15,7 @@ from crowdsim.crowd.kernels.confinement import AHEAD, CLEARANCE
 from crowdsim.crowd.kernels.evaluate import TERMS
 from crowdsim.crowd.kernels.fall_clearance import SLIDES, hemmed_in, slide
 from crowdsim.crowd.kernels.layout import LANDED, PELVIS, Observed
+from crowdsim.crowd.kernels.records import SLIDE
 from crowdsim.crowd.kernels.terms import backs
 from crowdsim.crowd.obstacles import scenario_shapes
 from crowdsim.crowd.placement import place_groups
@@ -72,6 +73,17 @@ def test_without_obstacles_some_of_these_bodies_would_be_in_them():
     chunk = Simulation(replace(walled(interval=15.0), parts=PARTS[:0])).run(150)
     inside = [gap_to(part, x, z) < 0.0 for part in PARTS for x, z in zip(chunk.x.flat, chunk.z.flat, strict=True)]
     assert any(inside)
+
+
+def test_bodies_without_damage_do_not_read_how_far_those_slide_that_fall():
+    found = []
+    for far in (0.0, 5.0):
+        one = Simulation(walled(interval=15.0))
+        assert len(one.avatars.conditions) == len(one.avatars.slides) == 0
+        beyond = np.full(one.crowd.count, far, SLIDE)
+        one.avatars = one.avatars._replace(slides=beyond[:0])
+        found.append(bytes_of([one.run(60)]))
+    assert found[0] == found[1]
 
 
 def test_roots_slide_evenly_to_where_there_will_be_room():
@@ -226,6 +238,17 @@ def test_paths_into_obstacles_and_through_them_are_refused(tmp_path):
     assert "t: groups[1].enter.path[1]: obstacles part 0, 7.5 from 0, 5" in refusal(tmp_path, [room], groups=groups)
     door = {**room, "doors": [{"at": 3, "width": 1.2, "opens": 9}]}
     place_groups(scenario(tmp_path, [door], events=[{**leave, "path": [[0, 4], [0, 7.5]]}]))
+
+
+def test_points_without_room_are_refused(tmp_path):
+    box = {"kind": "box", "centre": [6, 5], "size": [4, 4]}
+    put = {"kind": "place", "group": "blue", "when": {"kind": "frame", "frame": 9}}
+    assert refusal(tmp_path, [box], events=[{**put, "point": [6, 5]}]) == (
+        "t: events[0].point: 6, 5 is in or near obstacles[0], and no point within 1 m has room; expected one that is "
+        "0.3 m or more from all, such as 6.00, 2.60"
+    )
+    # It is put beside the obstacle.
+    place_groups(scenario(tmp_path, [box], events=[{**put, "point": [4.2, 5]}]))
 
 
 def test_starts_outside_of_ropes_are_refused_and_a_solid_arena_is_of_ropes(tmp_path):

@@ -1,6 +1,8 @@
 """Ranges are taken by whichever thread is free."""
 
 import threading
+from concurrent.futures import Future
+from typing import Any
 
 import pytest
 
@@ -33,17 +35,30 @@ def test_a_thread_that_is_free_takes_what_another_has_not_begun() -> None:
     assert sorted(map(len, took.values())) == [1, 7]
 
 
-def test_an_error_of_any_thread_is_raised_when_all_have_stopped() -> None:
-    running: list[int] = []
+def test_no_range_is_begun_after_an_error_of_any_thread() -> None:
+    begun: list[int] = []
+    both, failed = threading.Barrier(2, timeout=60), threading.Event()
+    main = threading.get_ident()
 
     def work(first: int, last: int) -> None:
-        running.append(first)
-        try:
-            raise ValueError(f"range {first} to {last}")
-        finally:
-            running.remove(first)
+        begun.append(first)
+        both.wait()
+        if threading.get_ident() == main:
+            # The range of the thread that works here lasts until the other thread has stopped.
+            assert failed.wait(60)
+            return
+        raise ValueError(f"range {first} to {last}")
 
     with Workers(2) as workers:
+        assert workers._pool is not None
+        submit = workers._pool.submit
+
+        def observed(*given: Any) -> Future[Any]:
+            future = submit(*given)
+            future.add_done_callback(lambda _: failed.set())
+            return future
+
+        workers._pool.submit = observed  # type: ignore[method-assign]
         with pytest.raises(ValueError, match="range"):
             workers.each(work, 80, grain=1)
-        assert not running
+    assert len(begun) == 2

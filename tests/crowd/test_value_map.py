@@ -6,6 +6,7 @@ from naive_policy import action_values
 from scenes import scene
 
 from crowdsim.crowd.draw import draw_crowd
+from crowdsim.crowd.kernels.layout import LYING
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.preparation.prepare import load_policies
 from crowdsim.scenario.scenario import load_scenario
@@ -64,3 +65,20 @@ def test_an_avatar_without_weights_or_that_is_not_there_has_no_map(simulation) -
     simulation._world.weights[:] = 1.0
     simulation._leave(np.arange(4) == simulation.avatars.slot_of[0])
     assert simulation.value_map(0) is None
+
+
+def test_an_avatar_that_is_down_has_no_map(workplace) -> None:
+    data = scene(duration=80)
+    data["types"]["boxer"]["damage"] = {}
+    scenario = load_scenario(data)
+    simulation = Simulation(draw_crowd(scenario, load_policies(scenario)))
+    simulation.run(3)
+    assert simulation.value_map(1) is not None
+    simulation.avatars.conditions["standing"][1] = LYING
+    assert simulation.value_map(1) is None
+
+
+@pytest.mark.parametrize("number", [-1, 99])
+def test_there_is_no_map_of_an_avatar_that_is_not_in_the_crowd(simulation, number) -> None:
+    with pytest.raises(ValueError, match=f"avatar {number} is not in the crowd, expected 0 to 3"):
+        simulation.value_map(number)

@@ -10,6 +10,7 @@ import pytest
 from naive_policy import action_values
 
 from crowdsim import files
+from crowdsim.array_checks import ArrayFault, check_table
 from crowdsim.errors import MotionError, OutputError, PolicyError
 from crowdsim.policy import bundle
 from crowdsim.policy.axes.axis import Target
@@ -233,6 +234,11 @@ def test_nothing_is_left_when_writing_fails(copied, monkeypatch):
         bundle.write_bundle(copied / "small", policy, {})
     assert {path.name for path in copied.iterdir()} == {"small.yaml", "small"}
     load_policy(copied / "small")
+
+
+def test_an_array_of_another_version_is_refused_with_advice():
+    with pytest.raises(ArrayFault, match=r"is unknown, .* made again, a policy by 'crowdsim train'"):
+        check_table({}, {"falls_stagger_last": np.zeros(1)}, {})
 
 
 def test_a_folder_that_is_no_bundle_is_not_overwritten(copied):

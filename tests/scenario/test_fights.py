@@ -168,6 +168,12 @@ def test_what_cannot_come_is_found(workplace: Path, changes: dict[str, object], 
     assert [line.lstrip("0123456789: ") for line in found] == expected
 
 
+def test_avatars_whose_stamina_is_inherited_can_be_healed(workplace: Path) -> None:
+    types = {"base": {"policy": "tiny", "stamina": {}}, "boxer": {"extends": "base"}}
+    events = [{"kind": "heal", "when": {"kind": "seconds", "seconds": 2}}]
+    load_scenario(write(workplace, types=types, until=None, events=events))
+
+
 def test_damage_is_inherited_key_by_key(workplace: Path) -> None:
     types = {
         **FIGHT["types"],

@@ -7,7 +7,7 @@ import numpy as np
 from crowdsim.core.random import uniform
 from crowdsim.crowd.kernels.falling import last_frame
 from crowdsim.crowd.kernels.forced_actions import is_down
-from crowdsim.crowd.kernels.layout import CHEERS, FIGHTS, LYING, OUT, UP
+from crowdsim.crowd.kernels.layout import CHEERS, FALLING, FIGHTS, LYING, OUT, UP
 from crowdsim.crowd.kernels.resting import may_get_opponent, pose_gap
 from crowdsim.jit import kernel
 
@@ -62,5 +62,5 @@ def _has_won(avatars, now, own):
         if is_fighting and (fought or avatars.opponent[j] == number):
             return False
         if fought and not is_fighting:
-            won |= row.standing == OUT or (row.standing == LYING and row.rises == math.inf)
+            won |= row.standing == OUT or (FALLING <= row.standing <= LYING and row.rises == math.inf)
     return won

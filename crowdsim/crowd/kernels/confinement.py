@@ -65,8 +65,9 @@ def _find_push(model, avatars, places, frame, i, ahead):
         cos, sin = playback[i].base_cos, playback[i].base_sin
         x, z = playback[i].base_x + gx * cos + gz * sin, playback[i].base_z - gx * sin + gz * cos
         heading = playback[i].base_turn + turned
-        left = minimum_jerk(done / length) - minimum_jerk(min(motion[i].phase, length) / length)
-        x, z = x + left * slides[i].x, z + left * slides[i].z
+        if avatars.conditions.shape[0] > 0:  # only avatars that may fall have a slide
+            left = minimum_jerk(done / length) - minimum_jerk(min(motion[i].phase, length) / length)
+            x, z = x + left * slides[i].x, z + left * slides[i].z
     cell = cell_at(places.grid, x, z)
     if cell >= 0:
         far = max(model.extents[int(shown)], CLEARANCE) * size

@@ -60,6 +60,7 @@ def stagger(model, avatars, world, now, thrown, observed):
         shown = min(avatars.motion[own].phase, np.float64(action.length)) * model.policies[avatars.policy[own]].stride
         left = np.int64(action.origin + math.floor(shown))
         nothing = avatars.x[:0]
+        _keep_near(avatars, own, observed, q)
         thrown[q].row = pick_fall(
             model, avatars, world, now.frame, own, STUMBLES, thrown[q].push, left, nothing, observed, q
         )
@@ -77,6 +78,19 @@ def stagger(model, avatars, world, now, thrown, observed):
         avatars.fight[own].decisions += 1
         if world.places.parts.shape[0] > 0:
             confine(model, avatars, world, now.frame, own)
+
+
+@kernel(inline=True)
+def _keep_near(avatars, own, observed, q):
+    """Keep those of an avatar's neighbours that it sees from where it is now; an index may list others, too."""
+    held = 0
+    for k in range(observed.counts[q]):
+        j = observed.neighbours[q, k]
+        dx, dz = avatars.x[j] - avatars.x[own], avatars.z[j] - avatars.z[own]
+        if dx * dx + dz * dz <= SEES * SEES:
+            observed.neighbours[q, held] = j
+            held += 1
+    observed.counts[q] = held
 
 
 @kernel(inline=True)
