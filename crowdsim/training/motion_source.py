@@ -45,7 +45,7 @@ class PerformerSource(StrictModel):
         ge=0,
         le=1000,
         description="How often each kind of fall, stagger and celebration is performed besides; 0: not at all, and "
-        "who is knocked down staggers and leaves.",
+        "an avatar that would be knocked down leaves the scene.",
     )
     rests: int = Field(
         default=0,
