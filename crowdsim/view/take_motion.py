@@ -261,7 +261,9 @@ class TakeMotion:
                 turned = quaternion.rotate(quaternion.conjugate(skin.rotations)[:, None], np.swapaxes(grown, 1, 2))
                 bones.append(np.swapaxes(turned, 1, 2).reshape(-1))
                 at[column], first = first, first + bones[-1].size
-        looks = np.stack([skin_paints(int(one), paint) for one, paint in zip(self.numbers, paints, strict=True)])
+        types = cast.types[self.numbers].tolist()
+        numbers = self.numbers.tolist()
+        looks = np.stack([skin_paints(*one) for one in zip(numbers, paints, types, strict=True)])
         shades = np.concatenate([np.sqrt(np.clip(looks[..., :3], 0.0, 1.0)), np.clip(looks[..., 3:], 0.0, 1.0)], -1)
         tables |= {"bone": np.concatenate(bones).astype(np.float32), "bone_at": at, "bone_skin": which}
         return {**tables, "skin_paint": np.rint(255.0 * shades).astype(np.uint8)}
