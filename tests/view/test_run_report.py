@@ -7,10 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from naive_view import embedded
+from naive_view import embedded, unpack_scene
 from scenes import crowdsim, write_scene
 
 import crowdsim as library
+from crowdsim.preparation.prepare import load_policies
+from crowdsim.runs.playing import Session
+from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.quality import measure_take
 from crowdsim.view.report import report_parts, verdicts
 from crowdsim.view.report_plots import mean_health, opponent_distances
@@ -89,6 +92,32 @@ def test_plots_show_strikes_health_and_distances(workplace, finish) -> None:
     assert gaps[-1, 0] == pytest.approx(float(apart)) or other < 0
     assert said[2].startswith("The median distance is ")
     assert crowdsim("verify", workplace / "run") == 0
+
+
+def test_health_is_whole_where_avatars_come_back_and_not_where_they_are_put_elsewhere(workplace) -> None:
+    def event(kind, frame, **more):
+        return {"kind": kind, "when": {"kind": "frame", "frame": frame}, "group": "red", **more}
+
+    events = [event("place", 110, member=1, point=[4, 4]), event("remove", 120), event("add", 140)]
+    types = {"boxer": {"policy": "tiny", "damage": {"health": 1000}}}
+    scenario = load_scenario(write_scene(workplace / "four.yaml", duration=160, types=types, events=events))
+    known, session = [], Session(scenario, load_policies(scenario))
+    for _ in range(160):
+        session.step()
+        known.append(session.health()[0])
+    run = library.run(scenario)
+    frames = np.array([100, 112, 118, 141, 150, 159])
+    expected = np.array(known)[frames] / 1000
+    assert (expected[2, :2] < 1).all()
+    assert (expected[3, :2] == 1).all()
+    for name, own in (("red", slice(2)), ("blue", slice(2, 4))):
+        found = mean_health(run, np.full(4, 1000.0), run.heals, frames / 15.0)[name]
+        np.testing.assert_allclose(found, expected[:, own].mean(axis=1), atol=1e-6)
+    tables = unpack_scene(run.recording().scene())["tables"]
+    assert tables["heal_avatar"].tolist() == [0, 1]
+    np.testing.assert_allclose(tables["heal_time"], 139 / 15, atol=1e-3)
+    late = unpack_scene(run.recording(frames="600:").scene())["tables"]["health"].reshape(-1, 2)[:, 1]
+    np.testing.assert_allclose(late[:2], np.array(known)[150, :2], atol=1e-3)
 
 
 def test_teams_and_avatars_have_their_strikes(run) -> None:
