@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import accumulate
+from operator import index
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,7 +39,7 @@ def find_heals(groups: Sequence[Mapping[str, Any]], events: Sequence[Mapping[str
             frame = when["frame"] if when["kind"] == "frame" else round(when["seconds"] * rate)
             first, stop = numbers.get(event.get("group"), (0, ends[-1]))
             if member is not None:
-                first, stop = first + member, first + member + 1
+                first, stop = first + index(member), first + member + 1
             found.append(Heal(_before(frame, rate), first, stop))
     return sorted(found)
 

@@ -2,7 +2,9 @@
 
 import html
 import re
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from crowdsim.take.quality import measure_take
 from crowdsim.view.report import report_parts, verdicts
 from crowdsim.view.report_plots import mean_health, opponent_distances
 
+HURT = {"boxer": {"policy": "tiny", "damage": {"health": 30}}}
 HOSTILE = "</pre></script><script>document.title='owned'</script>\"'"
 
 
@@ -31,6 +34,23 @@ def run(workplace, finish):
     write_scene(workplace / "four.yaml", duration=150)
     finish(workplace)
     return workplace / "run"
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return {}
+
+
+@pytest.fixture
+def finished(runs, workplace, finish, tmp_path_factory):
+    """A copy of a run of avatars that can be hurt, which is made once."""
+    if "run" not in runs:
+        heal = {"kind": "heal", "when": {"kind": "frame", "frame": 9}}
+        write_scene(workplace / "four.yaml", duration=20, types=HURT, events=[heal])
+        finish(workplace)
+        runs["run"] = tmp_path_factory.mktemp("finished") / "run"
+        shutil.copytree(workplace / "run", runs["run"])
+    return Path(shutil.copytree(runs["run"], workplace / "odd"))
 
 
 def test_a_report_has_summary_verdicts_player_scenario_and_how_to_repeat_it(run, capsys) -> None:
@@ -55,9 +75,8 @@ def test_a_report_has_summary_verdicts_player_scenario_and_how_to_repeat_it(run,
 
 
 def test_plots_show_strikes_health_and_distances(workplace, finish) -> None:
-    types = {"boxer": {"policy": "tiny", "damage": {"health": 30}}}
     heal = {"kind": "heal", "when": {"kind": "frame", "frame": 90}, "group": "red"}
-    write_scene(workplace / "four.yaml", duration=150, types=types, events=[heal])
+    write_scene(workplace / "four.yaml", duration=150, types=HURT, events=[heal])
     finish(workplace)
     run = library.open_run(workplace / "run")
     assert crowdsim("report", workplace / "run", "--no-player", "-q") == 0
@@ -193,6 +212,30 @@ def test_a_run_without_its_scenario_has_no_report(run, capsys) -> None:
     (run / "scenario.resolved.yaml").unlink()
     assert crowdsim("report", run, "-q") == 2
     assert "scenario.resolved.yaml: cannot be read, and the report shows it" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        "types: {red: {damage: 3}}", "types: [1]", "types: {boxer: {damage: {health: x}}}",
+        "types: {boxer: {damage: {health: .nan}}}", "types: {boxer: {damage: {health: -3}}}",
+        f"types: {{boxer: {{damage: {{health: {'9' * 400}}}}}}}", "groups: 7", "groups: [{name: x, count: .inf}]",
+        "events: {a: 1}", "events: [{kind: heal, when: {kind: seconds, seconds: .inf}}]",
+        "events: [{kind: heal, member: 1.5, when: {kind: frame, frame: 3}}]", "cameras: 3", 'name: "',
+        "obstacles: !!timestamp xx", 'arena: !!float ""', f"arena: 1{':1' * 400}.5",
+    ],
+)  # fmt: skip
+def test_a_report_leaves_out_what_an_odd_scenario_does_not_say(finished, odd) -> None:
+    path = finished / "scenario.resolved.yaml"
+    before, key = path.read_text(encoding="utf-8"), odd.partition(":")[0]
+    others = [part for part in re.split(r"(?m)^(?=\w+:)", before) if not part.startswith(f"{key}:")]
+    path.write_text("".join([*others, f"{odd}\n"]), encoding="utf-8")
+    assert crowdsim("report", finished, "-q") == 0
+    opened = library.open_run(finished)
+    assert opened.health == ({} if key == "types" else {"boxer": 30.0})
+    page = (finished / "report.html").read_text(encoding="utf-8")
+    assert ("Health left" in page) is bool(opened.health)
+    assert embedded(player_of(page))[0]["frames"] > 0
 
 
 def test_hostile_names_stay_text(run) -> None:
