@@ -21,7 +21,7 @@ from crowdsim.batch.workers import describe_environment
 from crowdsim.files import Writing, entries, make_folder, remove_tree
 from crowdsim.runs.folder import RESOLVED
 from crowdsim.runs.lock import find_owner, hold_folder
-from crowdsim.runs.opening import read_arena, read_obstacles
+from crowdsim.runs.opening import read_arena, read_obstacles, recorded
 from crowdsim.runs.provenance import document_difference
 from crowdsim.runs.stage import complete_alone, write_pictures
 from crowdsim.scenario.cameras import camera_name
@@ -126,10 +126,7 @@ def finish(job: Job, *_: None) -> None:
         if job.run.outputs.render is not None:
             _join(job, progress)
         if job.run.outputs.report is not None:
-            write_output(
-                job.run.outputs.report, take, job.folder, read_arena(job.folder), progress=progress,
-                obstacles=read_obstacles(job.folder),
-            )  # fmt: skip
+            write_output(job.run.outputs.report, recorded(job.folder, take), job.folder, progress=progress)
         write_result(job.batch, job.run.id, collect(job.folder, take, job.run.mark))
         with suppress(OSError):
             remove_tree(job.batch, f"{WORK}/{job.run.id}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from crowdsim.errors import OutputError
 from crowdsim.export.stream import Sink, stream_poses
 from crowdsim.files import exists_plain, make_inside, write_plain
 from crowdsim.scenario.camera import Camera
+from crowdsim.scenario.heals import Heal
 from crowdsim.scenario.output import Avatars, Extent, Output, Ranged, Series
 from crowdsim.scenario.rates import rate_text
 
@@ -44,6 +45,9 @@ class FinishedTake:
         arena: The arena of its scenario (``crowd.cast.pack_arena``). Shape (5,).
         timings: What control cost where that was measured. Shape (frames, 6), int64 [ns].
         obstacles: Parts of its scenario's obstacles, whose doors open by seconds. Shape (n,), ``PART``.
+        cameras: Cameras of its scenario by name.
+        health: Health at the start of avatars that can be hurt, by the names of their types [points].
+        heals: When its scenario restores health.
     """
 
     take: Take
@@ -54,6 +58,9 @@ class FinishedTake:
     arena: Array | None = None
     timings: Array | None = None
     obstacles: Array | None = None
+    cameras: Mapping[str, Camera] = field(default_factory=dict)
+    health: Mapping[str, float] = field(default_factory=dict)
+    heals: Sequence[Heal] = ()
 
     @property
     def extent(self) -> Extent:

@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import yaml
-from pydantic import Field, TypeAdapter, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from crowdsim.config.files import Fault, Finding
 from crowdsim.config.findings import show
-from crowdsim.errors import TakeError
 from crowdsim.files import read_plain, write_plain
 from crowdsim.scenario.camera import Camera
-from crowdsim.scenario.cameras import Cameras
 from crowdsim.scenario.output import Avatars, Extent, Ranged, Series
 
 if TYPE_CHECKING:
@@ -105,29 +102,22 @@ class ReportOutput(Ranged):
         from crowdsim.view.report import report_parts
 
         done = replace(done, take=replace(done.take, policies=tuple(done.policies)))
-        recording = self._recording(done, yaml.safe_load(scenario)) if self.player else None
-        parts = report_parts(done.take, recording, scenario, done.threads, done.progress)
+        recording = self._recording(done) if self.player else None
+        parts = report_parts(done.take, recording, scenario, done.threads, done.progress, done.health, done.heals)
         write_plain(done.folder, _FILE, parts)
 
-    def _recording(self, done: FinishedTake, scenario: dict[str, Any]) -> Recording | None:
-        from crowdsim.scenario.heals import find_heals
+    def _recording(self, done: FinishedTake) -> Recording | None:
         from crowdsim.view.take_motion import record_take
 
         start, stop = self.frames_of(done.extent)
         if start == stop:  # a run that ended before
             return None
-        try:
-            cameras = TypeAdapter(Cameras).validate_python(scenario.get("cameras") or {})
-        except ValidationError as error:  # a file that was changed by hand
-            reason = error.errors()[0]["msg"]
-            raise TakeError(f"{done.folder / _SCENARIO}: its cameras cannot be read: {reason}") from None
-        health = {name: one["damage"]["health"] for name, one in scenario["types"].items() if one.get("damage")}
         numbers = None if self.avatars is None else [int(avatar) for avatar in self.avatars]
         frames = f"{start}:{stop}"
-        heals = find_heals(scenario["groups"], scenario.get("events") or (), done.take.control_rate)
         return record_take(
-            done.take, self.rate, numbers, frames, done.threads, done.arena, cameras, health, done.obstacles, heals
-        )
+            done.take, self.rate, numbers, frames, done.threads, done.arena, done.cameras, done.health, done.obstacles,
+            done.heals,
+        )  # fmt: skip
 
     def command(self, run: str) -> list[str]:
         """Return the words of the command that writes it from a finished run."""

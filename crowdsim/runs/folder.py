@@ -203,7 +203,7 @@ def _value(parts: Mapping[str, str], key: str) -> Any:
         raise ValueError(f"has no {key!r}")
     try:
         return yaml.load(text, _FAST)[key]
-    except (yaml.YAMLError, RecursionError, KeyError, TypeError) as error:
+    except (yaml.YAMLError, RecursionError, LookupError, TypeError, AttributeError, OverflowError) as error:
         raise ValueError(f"{key!r} cannot be read: {error}") from None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from crowdsim.scenario.cameras import Cameras
 from crowdsim.scenario.heals import Heal, find_heals
 from crowdsim.scenario.output import FPS
 from crowdsim.scenario.parts import Arena
+from crowdsim.take.take import Take
 
 POLICIES = "policies"
 """Folder in a run's that policies are packed into."""
@@ -45,11 +47,14 @@ def open_run(folder: FileName) -> RecordedRun:
         notes.append(f"{folder}: the run was interrupted; {take.frame_count} control frames are there")
     elif not exists_plain(folder, MANIFEST):
         notes.append(f"{folder}: the run is not finished; its take is, some outputs may be missing")
+    return replace(recorded(folder, take), policies=tuple(policies), notes=tuple(notes))
+
+
+def recorded(folder: Path, take: Take) -> RecordedRun:
+    """Return the run of a take in a folder, with what is known of its scenario, as far as that can be read."""
     return RecordedRun.of(
         take,
-        policies=tuple(policies),
         folder=folder,
-        notes=tuple(notes),
         arena=read_arena(folder),
         obstacles=read_obstacles(folder),
         fps=_read(folder, "fps", float, FPS),
@@ -142,7 +147,10 @@ def _read_health(folder: Path) -> dict[str, float]:
     """Return the health at the start of avatars that can be hurt, by the names of their types [points]."""
     types: dict[str, dict[str, Any]] = _read(folder, "types", dict[str, dict[str, Any]], {})
     found = {name: keys["damage"].get("health") for name, keys in types.items() if isinstance(keys.get("damage"), dict)}
-    return {name: float(points) for name, points in found.items() if isinstance(points, int | float)}
+    # What no scenario may say, such as a number without end, says nothing.
+    return {
+        name: float(points) for name, points in found.items() if isinstance(points, int | float) and 0 < points <= 1e6
+    }
 
 
 def _read_heals(folder: Path, rate: float) -> list[Heal]:
@@ -150,7 +158,7 @@ def _read_heals(folder: Path, rate: float) -> list[Heal]:
     groups, events = (_read(folder, key, tuple[dict[str, Any], ...], ()) for key in ("groups", "events"))
     try:
         return find_heals(groups, events, rate)
-    except (KeyError, TypeError, ValueError):  # a file that was changed by hand
+    except (KeyError, TypeError, ValueError, OverflowError):  # a file that was changed by hand
         return []
 
 

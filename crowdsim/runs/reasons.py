@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from crowdsim import assets
+from crowdsim.core.types import Array
 from crowdsim.crowd.draw import draw_crowd
 from crowdsim.crowd.explaining import Decision
 from crowdsim.crowd.jit_warmup import warm_up
@@ -42,6 +43,8 @@ class Repeated:
         known = {*assets.policy_names(), *run.cast.policy_names}
         self._scenario = load_scenario(place_of(run.folder) / RESOLVED, policies=known)
         self._simulation: Simulation | None = None
+        # The frame whose values were asked about last, and the state in which its decisions are made.
+        self._kept: tuple[int, dict[str, Array]] | None = None
 
     def at(self, avatar: int, frame: int) -> dict[str, Any]:
         """Return an avatar's last decision up to a control frame as plain data, see ``describe_decision``.
@@ -69,7 +72,9 @@ class Repeated:
         if not 0 <= avatar < run.avatar_count or not 0 <= frame < run.frame_count:
             raise TakeError(f"avatar {avatar} at control frame {frame}: is not in the run")
         with self._lock:
-            simulation = self._simulated(frame + 1)
+            simulation = self._simulated(frame)
+            self._kept = frame, simulation.state()
+            simulation.run(1)
             found = simulation.value_map(avatar)
             if found is not None:
                 slot = int(simulation.avatars.slot_of[avatar])
@@ -121,13 +126,15 @@ class Repeated:
     def _simulated(self, frame: int) -> Simulation:
         """Return the simulation after ``frame`` control frames."""
         simulation = self._simulation
+        if simulation is not None and self._kept is not None and self._kept[0] <= frame < simulation.frame:
+            simulation.restore(self._kept[1])
         if simulation is None or simulation.frame > frame:
             if simulation is not None:
                 simulation.close()
             crowd = draw_crowd(self._scenario, self._run.policies)
             search = self._scenario.opponents.search
             simulation = Simulation(crowd, self._threads, search, model=warm_up(crowd, search))
-            self._simulation = simulation
+            self._simulation, self._kept = simulation, None
         if simulation.frame < frame:
             simulation.run(frame - simulation.frame)
         return simulation

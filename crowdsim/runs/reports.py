@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from crowdsim.core.types import Array, Progress
+from crowdsim.core.types import Progress
 from crowdsim.errors import CrowdsimError, TakeError
 from crowdsim.export.posed import FinishedTake
 from crowdsim.export.select import parse_avatars
@@ -18,7 +18,6 @@ from crowdsim.runs.manifest import FILES
 from crowdsim.runs.recorded import RecordedRun
 from crowdsim.runs.stage import Wanted, write_together
 from crowdsim.scenario.frame_ranges import parse_frames
-from crowdsim.take.take import Take
 
 
 def write_report(
@@ -61,41 +60,40 @@ def write_report(
     except ValidationError as error:
         found = error.errors()[0]
         raise CrowdsimError(f"report: {'.'.join(map(str, found['loc']))}: {found['msg']}") from None
-    return write_output(output, run, folder, run.arena, out, threads, progress, force, run.obstacles)
+    return write_output(output, run, folder, out, threads, progress, force)
 
 
 def write_output(
     output: ReportOutput,
-    take: Take,
+    run: RecordedRun,
     folder: Path,
-    arena: Array,
     out: Path | None = None,
     threads: int = 1,
     progress: Progress | None = None,
     force: bool = False,
-    obstacles: Array | None = None,
 ) -> Path:
-    """Write a report of a finished take; return its path. Further arguments and errors are those of ``write_report``.
+    """Write a report of a finished run; return its path. Further arguments and errors are those of ``write_report``.
 
     Args:
         output: The report.
-        take: The take, with its policies.
-        folder: Its run folder.
-        arena: The arena of its scenario, see ``crowd.cast.pack_arena``. Shape (5,).
+        run: The run.
+        folder: Its folder.
         out: Another folder for the report.
         threads: Threads.
         progress: Called with stage, done and total.
         force: Whether to write it again although it is there, and to replace one in another folder.
-        obstacles: Parts of its scenario's obstacles.
     """
     scenario = read_resolved(place_of(folder))
     if not scenario:
         raise TakeError(f"{folder / RESOLVED}: cannot be read, and the report shows it")
     place = out or folder
     asked = {output.name: output.model_dump(mode="json", exclude_none=True)}
-    wanted = Wanted(FILES, asked, {"report.html"}, {"take": take_mark(take), "of": scenario})
+    wanted = Wanted(FILES, asked, {"report.html"}, {"take": take_mark(run), "of": scenario})
     with write_together(place, wanted, folder, force, threads) as writing:
         if not writing.done:
-            done = FinishedTake(take, take.policies, writing.folder, threads, progress, arena, obstacles=obstacles)
+            done = FinishedTake(
+                run, run.policies, writing.folder, threads, progress, run.arena,
+                obstacles=run.obstacles, cameras=run.cameras, health=run.health, heals=run.heals,
+            )  # fmt: skip
             output.write_page(done, scenario)
     return place / "report.html"

@@ -90,17 +90,20 @@ def run(
     crowd = _draw(one, policies)
     collector = TakeCollector(take_header(scenario, crowd), crowd.policies)
     record(one, crowd, collector)
-    health = {name: one.damage.health for name, one in scenario.types.items() if one.damage is not None}
-    groups, events = ([one.model_dump() for one in part] for part in (scenario.groups, scenario.events))
     return RecordedRun.of(
         collector.take(),
         arena=crowd.arena,
         obstacles=pack_obstacles(scenario, None),
         fps=scenario.fps,
-        cameras=scenario.cameras,
-        health=health,
-        heals=find_heals(groups, events, crowd.rate),
+        **_shown(scenario, crowd.rate),
     )
+
+
+def _shown(scenario: Scenario, rate: float) -> dict[str, Any]:
+    """Return what the player and reports show of a scenario: cameras, health, and when that is restored."""
+    health = {name: one.damage.health for name, one in scenario.types.items() if one.damage is not None}
+    groups, events = ([one.model_dump() for one in part] for part in (scenario.groups, scenario.events))
+    return {"cameras": scenario.cameras, "health": health, "heals": find_heals(groups, events, rate)}
 
 
 def run_to(
@@ -366,7 +369,8 @@ def _write_outputs(
 
     arena = pack_arena(run.scenario.arena)
     obstacles = pack_obstacles(run.scenario, None)
-    done = FinishedTake(take, policies, run.work, run.threads, run.advance_outputs, arena, timings, obstacles)
+    shown = _shown(run.scenario, take.control_rate)
+    done = FinishedTake(take, policies, run.work, run.threads, run.advance_outputs, arena, timings, obstacles, **shown)
     found: dict[str, Sequence[Path]] = {}
     wanted = run.scenario.outputs.wanted()
     posed = [output for output in wanted if isinstance(output, PosedOutput)]

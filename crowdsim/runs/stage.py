@@ -305,7 +305,8 @@ def find_base(folder: Path) -> tuple[Path, str] | None:
                 raise
             continue
         if is_run:
-            return (folder if above == here else above), here.relative_to(above).as_posix().removeprefix(".")
+            inside = here.relative_to(above).as_posix()
+            return (folder, "") if inside == "." else (above, inside)
     return None
 
 

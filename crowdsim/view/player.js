@@ -386,12 +386,12 @@ class Player {
       this.crowd.place(moment, this.view, this.camera.avatar, 3, detail, skins);
     }
     // While it stands still, the picture is as fine as can be, once nothing has changed for a moment.
+    this.tellWhy();
     this.painter.heat = this.floorMap();
     this.painter.draw(this.view, Boolean(fine), this.options.marks ? this.time : null);
     this.fine = this.playing || fine ? 0 : this.last + 150;
     this.overlay.draw(this.view, moment, this.time, { ...this.options, selected: this.selected, dark: this.dark.matches });
     this.panel.update(this.selected, this.time, moment.before);
-    this.tellWhy();
     this.timeline.draw(this.time, this.selected);
     element('scrub').value = this.time;
     element('camera').value = this.camera.choice;

@@ -7,10 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import yaml
 
 from crowdsim.core.types import Progress
-from crowdsim.scenario.heals import find_heals
+from crowdsim.scenario.heals import Heal
 from crowdsim.take.figures_text import count, number, percent, rating, time
 from crowdsim.take.measures import AIR, OUT_OF_REACH, STUCK
 from crowdsim.take.quality import TOUCH, measure_take
@@ -35,6 +34,8 @@ def report_parts(
     scenario: str,
     threads: int = 1,
     progress: Progress | None = None,
+    health: Mapping[str, float] | None = None,
+    heals: Sequence[Heal] = (),
 ) -> Iterator[bytes]:
     """Yield a report of a run, part by part: one page that needs no network and no other file.
 
@@ -44,6 +45,8 @@ def report_parts(
         scenario: Its resolved scenario.
         threads: Threads; the report does not depend on them.
         progress: Called with stage, done and total.
+        health: Health at the start of avatars that can be hurt, by the names of their types [points].
+        heals: When its scenario restores health.
 
     Raises:
         CrowdsimError: The player would be too large.
@@ -59,7 +62,7 @@ def report_parts(
             yield html.escape(part.decode("utf-8")).encode()
         yield b'"></iframe>\n'
     yield _verdicts(figures).encode()
-    yield from (part.encode() for part in _plots(take, yaml.safe_load(scenario)))
+    yield from (part.encode() for part in _plots(take, health or {}, heals))
     yield _teams(take).encode()
     for title, rows in run_sections(figures):
         yield _section(title, rows).encode()
@@ -153,10 +156,8 @@ def _verdicts(figures: Mapping[str, Any]) -> str:
     return f'<h2>How it looks</h2>\n<ul class="verdicts">\n{items}</ul>\n' if items else ""
 
 
-def _plots(take: Take, scenario: Mapping[str, Any]) -> Iterator[str]:
+def _plots(take: Take, health: Mapping[str, float], heals: Sequence[Heal]) -> Iterator[str]:
     """Yield plots over time."""
-    health = {name: one["damage"]["health"] for name, one in (scenario.get("types") or {}).items() if one.get("damage")}
-    heals = find_heals(scenario.get("groups") or (), scenario.get("events") or (), take.control_rate)
     found = list(plots(take, health, heals))
     if found:
         yield "<h2>Over time</h2>\n"

@@ -9,7 +9,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.kernels.layout import BLOCKED, LANDED
-from crowdsim.scenario.heals import Heal
+from crowdsim.scenario.heals import Heal, find_returns
 from crowdsim.take.take import Take
 
 _WIDE, _TALL = 1100, 210
@@ -26,7 +26,7 @@ def plots(take: Take, health: Mapping[str, float], heals: Sequence[Heal] = ()) -
     Args:
         take: The take.
         health: Health at the start of avatars that can be hurt, by the names of their types [points].
-        heals: When health is restored, in the order of time.
+        heals: When health is restored beside that of those that come back.
     """
     seconds = take.frame_count / take.control_rate
     if len(take.events.frame):
@@ -57,13 +57,14 @@ def mean_health(take: Take, full: Array, heals: Sequence[Heal], times: Array) ->
     Args:
         take: The take.
         full: Health of each avatar at the start, 0 of those that cannot be hurt [points]. Shape (N,).
-        heals: When health is restored, in the order of time.
+        heals: When health is restored beside that of those that come back.
         times: Ascending [s]. Shape (n,).
     """
     at = np.asarray(take.events.frame, float) / take.control_rate
     victims, damage = np.asarray(take.events.victim, np.int64), np.asarray(take.events.damage, float)
     some = np.flatnonzero((victims >= 0) & (damage > 0.0))
     order = some[np.argsort(at[some], kind="stable")]
+    heals = sorted([*heals, *find_returns(take.action, np.unique(victims[some]).tolist(), take.control_rate)])
     left, strike, heal = full.astype(float), 0, 0
     teams = np.asarray(take.cast.teams, int)
     hurt = {team: np.flatnonzero((teams == team) & (full > 0.0)) for team in np.unique(teams).tolist()}

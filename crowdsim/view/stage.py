@@ -279,13 +279,13 @@ class Stage:
         return json.dumps({"done": command.do, **({"said": said} if said else {})})
 
     def _ask(self, send: Send | None, command: Why | Values) -> str:
+        count = self.played.crowd.count
+        if command.avatar is not None and not 0 <= command.avatar < count:
+            raise ScenarioError(f"avatar {command.avatar}: expected a number from 0 to {count - 1}")
         # Those who have left meanwhile are told nothing.
         if send in self._sends:
             self._sends[send][command.do] = command.avatar
             if isinstance(command, Values) and command.avatar is not None:
-                count = self.played.crowd.count
-                if not 0 <= command.avatar < count:
-                    raise ScenarioError(f"avatar {command.avatar}: expected a number from 0 to {count - 1}")
                 send(self._values(command.avatar))
         return ""
 

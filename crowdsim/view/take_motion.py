@@ -24,7 +24,7 @@ from crowdsim.render.crowd_path import watch
 from crowdsim.render.take_source import TakeSource
 from crowdsim.scenario.camera import Camera
 from crowdsim.scenario.frame_ranges import parse_frames
-from crowdsim.scenario.heals import Heal
+from crowdsim.scenario.heals import Heal, find_returns
 from crowdsim.take.take import Take
 from crowdsim.view.obstacle_frames import obstacle_frames
 from crowdsim.view.recording import OUTSIDE, Recording, describe_figure, plan_cameras
@@ -59,7 +59,7 @@ def record_take(
         cameras: Cameras of its scenario by name.
         health: Health of avatars at the start, by the names of their types; those without cannot be hurt [points].
         obstacles: Parts of obstacles, see ``RecordedRun.obstacles``; none when None.
-        heals: When health is restored, in the order of time.
+        heals: When health is restored beside that of those that come back.
 
     Raises:
         TakeError: The take has no such frames, or none of the avatars is there in them.
@@ -261,7 +261,9 @@ class TakeMotion:
                 turned = quaternion.rotate(quaternion.conjugate(skin.rotations)[:, None], np.swapaxes(grown, 1, 2))
                 bones.append(np.swapaxes(turned, 1, 2).reshape(-1))
                 at[column], first = first, first + bones[-1].size
-        looks = np.stack([skin_paints(int(one), paint) for one, paint in zip(self.numbers, paints, strict=True)])
+        types = cast.types[self.numbers].tolist()
+        numbers = self.numbers.tolist()
+        looks = np.stack([skin_paints(*one) for one in zip(numbers, paints, types, strict=True)])
         shades = np.concatenate([np.sqrt(np.clip(looks[..., :3], 0.0, 1.0)), np.clip(looks[..., 3:], 0.0, 1.0)], -1)
         tables |= {"bone": np.concatenate(bones).astype(np.float32), "bone_at": at, "bone_skin": which}
         return {**tables, "skin_paint": np.rint(255.0 * shades).astype(np.uint8)}
@@ -371,9 +373,10 @@ class TakeMotion:
         begin, end = self.first / self.fps, (self.first + self.frames) / self.fps
         attackers, victims = (self._indices(part) for part in (events.attacker, events.victim))
         damage = np.asarray(events.damage, np.float32)
+        hurt = np.intersect1d(self.numbers[full > 0.0], np.asarray(events.victim)[damage > 0.0]).tolist()
         healed = [
             (one.seconds, avatar)
-            for one in self._heals
+            for one in sorted([*self._heals, *find_returns(self.take.action, hurt, rate)])
             for avatar in np.flatnonzero((self.numbers >= one.first) & (self.numbers < one.stop)).tolist()
         ]
         since = np.zeros(self.avatars)

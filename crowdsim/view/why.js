@@ -89,12 +89,14 @@ function valueColour(share) {
 // A value map as squares of the floor around it.
 function rasterValues({ at: [x, z, heading], distances, bearings, values }) {
   const far = distances[distances.length - 1], side = 2 * far / HEAT, bytes = new Uint8Array(HEAT * HEAT), n = bearings.length;
-  const least = Math.min(...values), over = 255 / Math.max(Math.max(...values) - least, 1e-9), turn = 2 * Math.PI / n;
+  const least = Math.min(...values), over = 255 / Math.max(Math.max(...values) - least, 1e-9), circle = 2 * Math.PI;
   for (let row = 0, i = 0; row < HEAT; row++) for (let column = 0; column < HEAT; column++, i++) {
     const dx = (column + 0.5) * side - far, dz = (row + 0.5) * side - far, away = Math.hypot(dx, dz);
     const high = clamp(placeAfter(distances, away), 1, distances.length - 1), part = clamp((away - distances[high - 1]) / (distances[high] - distances[high - 1]), 0, 1);
-    const aside = (Math.atan2(dx, dz) - heading - bearings[0]) / turn, whole = Math.floor(aside), share = aside - whole;
-    const left = ((whole % n) + n) % n, right = (left + 1) % n;
+    // Bearings go once around, the last step to the first one may be another than the rest.
+    const aside = bearings[0] + ((Math.atan2(dx, dz) - heading - bearings[0]) % circle + circle) % circle;
+    const left = placeAfter(bearings, aside) - 1, right = (left + 1) % n, next = right ? bearings[right] : bearings[0] + circle;
+    const share = (aside - bearings[left]) / (next - bearings[left]);
     const of = d => values[d * n + left] * (1 - share) + values[d * n + right] * share;
     bytes[i] = Math.round(over * (of(high - 1) * (1 - part) + of(high) * part - least));
   }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -429,6 +430,20 @@ def test_a_page_with_reasons_shows_why_an_avatar_does_what_it_does(browser, run)
     action = int(opened.action[30, 1])
     assert browser.evaluate("document.querySelector('#why-text .taken').title").startswith(f"action {action},")
     assert browser.console == []
+
+
+def test_values_lie_at_their_bearings_also_where_the_last_step_is_shorter(player) -> None:
+    bearings = (np.arange(0, 100, 3) * 2 * np.pi / 100 - np.pi).round(5)
+    ring = np.random.default_rng(3).permutation(len(bearings)) / (len(bearings) - 1)
+    found = {"at": [0, 0, 0.4], "distances": [0.5, 3.0], "bearings": bearings.tolist(), "values": [*ring, *ring]}
+    player.evaluate(f"crowdsimPlayer.values = {{ find: () => ({json.dumps(found)}) }}")
+    player.evaluate("crowdsimPlayer.select(0); crowdsimPlayer.set('valued', true)")
+    player.settle()
+    shown = np.array(player.evaluate("[...crowdsimPlayer.painter.heat.bytes]"))
+    places = (np.arange(256) + 0.5) * 6 / 256 - 3
+    turns = np.arctan2(places[None, :], places[:, None]) - 0.4
+    expected = 255 * np.interp(turns.ravel(), bearings, ring, period=2 * np.pi)
+    np.testing.assert_allclose(shown, expected, atol=1)
 
 
 def test_obstacles_are_shown_and_doors_vanish_while_they_are_open(browser, workplace) -> None:

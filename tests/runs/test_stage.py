@@ -110,6 +110,17 @@ def test_an_export_that_stopped_while_files_were_moved_is_seen_whole_and_complet
     assert not [path for path in exported.iterdir() if path.name.startswith(".")]
 
 
+def test_a_hidden_folder_of_a_run_keeps_its_name(exported: Path) -> None:
+    picture = ("render", exported, "--contact-sheet", "1", "--size", "32x24", "--frames", "0:1", "-q")
+    before = set(tree(exported))
+    assert crowdsim(*picture, "--out", exported / ".pics") == 0
+    written = {name for name in set(tree(exported)) - before if not name.endswith(".json")}
+    assert written
+    assert all(name.startswith(".pics/") for name in written)
+    assert not (exported / "pics").exists()
+    assert crowdsim("verify", exported) == 0
+
+
 def test_another_export_removes_what_one_has_left(exported: Path, monkeypatch) -> None:
     for out in ("run", "elsewhere"):
         with monkeypatch.context() as patch:

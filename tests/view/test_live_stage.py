@@ -315,6 +315,22 @@ def test_decisions_of_one_avatar_are_told(stage) -> None:
     assert not any("why" in json.loads(one) for one in told[before:] if isinstance(one, str))
 
 
+@pytest.mark.parametrize("what", ["why", "values"])
+@pytest.mark.parametrize("avatar", [-50, -1, 4, 99999])
+def test_what_is_asked_about_an_avatar_that_there_is_not_is_refused_and_it_goes_on(stage, what, avatar) -> None:
+    told = []
+    stage.pause(True)
+    stage.watch(told.append)
+    answer = json.loads(stage.act(json.dumps({"do": what, "avatar": avatar}), told.append))
+    assert answer == {"error": f"avatar {avatar}: expected a number from 0 to 3"}
+    told.clear()
+    frame = stage.played.frame
+    for _ in range(20):
+        stage.advance()
+    assert stage.played.frame == frame + 20
+    assert not any(what in json.loads(one) for one in told if isinstance(one, str))
+
+
 def test_beginning_again_begins_again(stage) -> None:
     told = []
     stage.pause(True)

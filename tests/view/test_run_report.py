@@ -2,19 +2,25 @@
 
 import html
 import re
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
-from naive_view import embedded
+from naive_view import embedded, unpack_scene
 from scenes import crowdsim, write_scene
 
 import crowdsim as library
+from crowdsim.preparation.prepare import load_policies
+from crowdsim.runs.playing import Session
+from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.quality import measure_take
 from crowdsim.view.report import report_parts, verdicts
 from crowdsim.view.report_plots import mean_health, opponent_distances
 
+HURT = {"boxer": {"policy": "tiny", "damage": {"health": 30}}}
 HOSTILE = "</pre></script><script>document.title='owned'</script>\"'"
 
 
@@ -28,6 +34,23 @@ def run(workplace, finish):
     write_scene(workplace / "four.yaml", duration=150)
     finish(workplace)
     return workplace / "run"
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return {}
+
+
+@pytest.fixture
+def finished(runs, workplace, finish, tmp_path_factory):
+    """A copy of a run of avatars that can be hurt, which is made once."""
+    if "run" not in runs:
+        heal = {"kind": "heal", "when": {"kind": "frame", "frame": 9}}
+        write_scene(workplace / "four.yaml", duration=20, types=HURT, events=[heal])
+        finish(workplace)
+        runs["run"] = tmp_path_factory.mktemp("finished") / "run"
+        shutil.copytree(workplace / "run", runs["run"])
+    return Path(shutil.copytree(runs["run"], workplace / "odd"))
 
 
 def test_a_report_has_summary_verdicts_player_scenario_and_how_to_repeat_it(run, capsys) -> None:
@@ -52,9 +75,8 @@ def test_a_report_has_summary_verdicts_player_scenario_and_how_to_repeat_it(run,
 
 
 def test_plots_show_strikes_health_and_distances(workplace, finish) -> None:
-    types = {"boxer": {"policy": "tiny", "damage": {"health": 30}}}
     heal = {"kind": "heal", "when": {"kind": "frame", "frame": 90}, "group": "red"}
-    write_scene(workplace / "four.yaml", duration=150, types=types, events=[heal])
+    write_scene(workplace / "four.yaml", duration=150, types=HURT, events=[heal])
     finish(workplace)
     run = library.open_run(workplace / "run")
     assert crowdsim("report", workplace / "run", "--no-player", "-q") == 0
@@ -89,6 +111,32 @@ def test_plots_show_strikes_health_and_distances(workplace, finish) -> None:
     assert gaps[-1, 0] == pytest.approx(float(apart)) or other < 0
     assert said[2].startswith("The median distance is ")
     assert crowdsim("verify", workplace / "run") == 0
+
+
+def test_health_is_whole_where_avatars_come_back_and_not_where_they_are_put_elsewhere(workplace) -> None:
+    def event(kind, frame, **more):
+        return {"kind": kind, "when": {"kind": "frame", "frame": frame}, "group": "red", **more}
+
+    events = [event("place", 110, member=1, point=[4, 4]), event("remove", 120), event("add", 140)]
+    types = {"boxer": {"policy": "tiny", "damage": {"health": 1000}}}
+    scenario = load_scenario(write_scene(workplace / "four.yaml", duration=160, types=types, events=events))
+    known, session = [], Session(scenario, load_policies(scenario))
+    for _ in range(160):
+        session.step()
+        known.append(session.health()[0])
+    run = library.run(scenario)
+    frames = np.array([100, 112, 118, 141, 150, 159])
+    expected = np.array(known)[frames] / 1000
+    assert (expected[2, :2] < 1).all()
+    assert (expected[3, :2] == 1).all()
+    for name, own in (("red", slice(2)), ("blue", slice(2, 4))):
+        found = mean_health(run, np.full(4, 1000.0), run.heals, frames / 15.0)[name]
+        np.testing.assert_allclose(found, expected[:, own].mean(axis=1), atol=1e-6)
+    tables = unpack_scene(run.recording().scene())["tables"]
+    assert tables["heal_avatar"].tolist() == [0, 1]
+    np.testing.assert_allclose(tables["heal_time"], 139 / 15, atol=1e-3)
+    late = unpack_scene(run.recording(frames="600:").scene())["tables"]["health"].reshape(-1, 2)[:, 1]
+    np.testing.assert_allclose(late[:2], np.array(known)[150, :2], atol=1e-3)
 
 
 def test_teams_and_avatars_have_their_strikes(run) -> None:
@@ -164,6 +212,30 @@ def test_a_run_without_its_scenario_has_no_report(run, capsys) -> None:
     (run / "scenario.resolved.yaml").unlink()
     assert crowdsim("report", run, "-q") == 2
     assert "scenario.resolved.yaml: cannot be read, and the report shows it" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        "types: {red: {damage: 3}}", "types: [1]", "types: {boxer: {damage: {health: x}}}",
+        "types: {boxer: {damage: {health: .nan}}}", "types: {boxer: {damage: {health: -3}}}",
+        f"types: {{boxer: {{damage: {{health: {'9' * 400}}}}}}}", "groups: 7", "groups: [{name: x, count: .inf}]",
+        "events: {a: 1}", "events: [{kind: heal, when: {kind: seconds, seconds: .inf}}]",
+        "events: [{kind: heal, member: 1.5, when: {kind: frame, frame: 3}}]", "cameras: 3", 'name: "',
+        "obstacles: !!timestamp xx", 'arena: !!float ""', f"arena: 1{':1' * 400}.5",
+    ],
+)  # fmt: skip
+def test_a_report_leaves_out_what_an_odd_scenario_does_not_say(finished, odd) -> None:
+    path = finished / "scenario.resolved.yaml"
+    before, key = path.read_text(encoding="utf-8"), odd.partition(":")[0]
+    others = [part for part in re.split(r"(?m)^(?=\w+:)", before) if not part.startswith(f"{key}:")]
+    path.write_text("".join([*others, f"{odd}\n"]), encoding="utf-8")
+    assert crowdsim("report", finished, "-q") == 0
+    opened = library.open_run(finished)
+    assert opened.health == ({} if key == "types" else {"boxer": 30.0})
+    page = (finished / "report.html").read_text(encoding="utf-8")
+    assert ("Health left" in page) is bool(opened.health)
+    assert embedded(player_of(page))[0]["frames"] > 0
 
 
 def test_hostile_names_stay_text(run) -> None:

@@ -8,7 +8,10 @@ from naive_view import read_joints, unpack_scene
 from scenes import write_scene
 
 import crowdsim
+from crowdsim.body.parts import SKIN_PARTS
 from crowdsim.errors import CrowdsimError, TakeError
+from crowdsim.render.stage import build_stage
+from crowdsim.render.take_source import TakeSource
 from crowdsim.scenario.cameras import KINDS
 from crowdsim.scenario.heals import find_heals
 from crowdsim.view.page import check_size
@@ -117,6 +120,24 @@ def test_health_that_is_restored_is_so_in_the_recording(run) -> None:
     assert "heal_time" not in part
     only = find_heals(groups, [{**event, "group": "all", "member": 1}], run.control_rate)
     assert [(one.first, one.stop) for one in only] == [(1, 2)]
+
+
+def test_shorts_are_those_of_pictures(workplace) -> None:
+    groups = [
+        {"name": name, "team": "red", "type": name, "count": 1, "placement": {"kind": "points", "points": [[at, 0]]}}
+        for at, name in enumerate(("hems", "plain", "stripes"))
+    ]
+    types = {name: {"policy": "tiny"} for name in ("plain", "stripes", "hems")}
+    path = write_scene(workplace / "types.yaml", duration=10, types=types, groups=groups, opponents={"kind": "anyone"})
+    run = crowdsim.run(crowdsim.load_scenario(path))
+    shown = unpack_scene(run.recording(avatars=[0, 2]).scene())["tables"]["skin_paint"].reshape(2, -1, 4)
+    source = TakeSource(run, run.policies, 30.0)
+    drawn = build_stage(source, (32, 24)).skins.pose(source.poses(0), np.array([99.0, 0.0, 99.0]), 1.0).paints
+    colours = np.rint(255 * np.sqrt(drawn.reshape(2, -1, 4)[..., :3]))
+    np.testing.assert_array_equal(shown[..., :3], colours)
+    shorts, stripes, hems = (colours[:, SKIN_PARTS.index(name)].tolist() for name in ("shorts", "stripes", "hems"))
+    assert [one == plain for one, plain in zip(stripes, shorts, strict=True)] == [True, False]
+    assert [one == plain for one, plain in zip(hems, shorts, strict=True)] == [False, True]
 
 
 def test_actions_and_opponents_are_those_of_every_control_frame(run) -> None:

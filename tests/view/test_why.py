@@ -13,6 +13,7 @@ import crowdsim as library
 from crowdsim.crowd.draw import draw_crowd
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.errors import TakeError
+from crowdsim.runs import reasons
 from crowdsim.runs.reasons import Repeated
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.view.server import open_server
@@ -71,6 +72,27 @@ def test_values_are_those_of_the_simulation_at_that_frame(run) -> None:
         assert found["at"] == pytest.approx([told.x, told.z, told.heading], abs=1e-3)
     with pytest.raises(TakeError, match="avatar 9 at control frame 1: is not in the run"):
         repeated.values(9, 1)
+
+
+def test_decisions_and_values_of_a_frame_need_no_new_simulation(run, monkeypatch) -> None:
+    opened, begun = library.open_run(run), []
+
+    def draw(*values):
+        begun.append(values)
+        return draw_crowd(*values)
+
+    frames = [started(opened, 1, frame) for frame in (14, 24, 39)]
+    assert 0 < frames[0] < frames[1] < frames[2]
+    alone = [(Repeated(opened).at(1, frame), Repeated(opened).values(1, frame)) for frame in frames]
+    monkeypatch.setattr(reasons, "draw_crowd", draw)
+    repeated = Repeated(opened)
+    assert [(repeated.at(1, frame), repeated.values(1, frame)) for frame in frames] == alone
+    assert len(begun) == 1
+    repeated = Repeated(opened)
+    assert [(repeated.values(1, frame), repeated.at(1, frame))[::-1] for frame in frames] == alone
+    assert len(begun) == 2
+    assert repeated.values(1, frames[2]) == alone[2][1]
+    assert len(begun) == 2
 
 
 def test_what_is_not_in_the_run_is_reported(run) -> None:
