@@ -122,7 +122,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
 
 def main() -> None:
     """Read the command line, measure and print."""
-    parser = command_line(__doc__, "seconds: one small brawl, small policies")
+    parser = command_line(__doc__, "seconds: two small brawls, small policies")
     parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder with capture")
     parser.add_argument("--windows", type=int, default=1000, help="most transitions that are classified")
     parser.add_argument("--policy", nargs="+", help="recipes or bundles other than boxer and boxer_cmu")
@@ -131,7 +131,7 @@ def main() -> None:
     parser.add_argument("--noise", type=float, default=1e3 * NOISE, help="noise on all positions [mm]")
     options = parser.parse_args()
     if options.quick:
-        options.windows, options.brawls = min(options.windows, 80), 1
+        options.windows, options.brawls = min(options.windows, 80), 2
     if options.noise < 0.0:
         parser.error(f"--noise is {options.noise}, expected 0 or more")
     if not 0.2 <= options.seconds <= 1.6:
