@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 from crowdsim.errors import CrowdsimError
 from crowdsim.view.page import embedded, page_head, program
 from crowdsim.view.recording import Recording
-from crowdsim.view.stage import Stage
+from crowdsim.view.stage import Passing, Stage
 from crowdsim.view.why import Reasons
 
 if TYPE_CHECKING:
@@ -36,8 +36,12 @@ _REFUSED = 1008
 """Code with which websockets are closed that are refused."""
 _NO_TEXT = 1003
 """Code with which those are closed that send something else than text."""
-_MOST_ASKED, _MOST_WAITING = 65_536, 30
-"""Most bytes of a message from a page, and most frames that wait to be sent to one."""
+_TOO_SLOW = 1013
+"""Code with which those are closed that read nothing."""
+_MOST_ASKED, _MOST_WAITING, _MOST_KEPT = 65_536, 30, 300
+"""Most bytes of a message from a page, and how many messages wait for one before some, and all, are not kept."""
+_CLOSING_SECONDS = 2.0
+"""For how long a page is told that it is left [s]."""
 _HEADERS = {
     "Cache-Control": "no-store",
     "Cross-Origin-Resource-Policy": "same-origin",
@@ -216,11 +220,14 @@ async def _play(stage: Stage, socket: WebSocket) -> None:
     from starlette.websockets import WebSocketDisconnect
 
     loop = asyncio.get_running_loop()
-    waiting: asyncio.Queue[str | bytes] = asyncio.Queue()
+    waiting: asyncio.Queue[str | bytes] = asyncio.Queue(_MOST_KEPT)
+    is_full = asyncio.Event()
 
     def put(message: str | bytes) -> None:
-        # A page that cannot keep up misses frames.
-        if waiting.qsize() < _MOST_WAITING or isinstance(message, str):
+        # A page that cannot keep up misses frames; it must not miss the rest.
+        if waiting.full():
+            is_full.set()
+        elif waiting.qsize() < _MOST_WAITING or not isinstance(message, bytes | Passing):
             waiting.put_nowait(message)
 
     def send(message: str | bytes) -> None:
@@ -239,12 +246,13 @@ async def _play(stage: Stage, socket: WebSocket) -> None:
             send(await asyncio.to_thread(stage.act, message["text"], send))
 
     await socket.accept()
-    tasks: list[asyncio.Task[None]] = []
+    tasks: list[asyncio.Task[Any]] = []
     try:
         # It is cancelled where the server ends while something is being done.
         with suppress(asyncio.CancelledError):
             await asyncio.to_thread(stage.watch, send)
-            tasks += [asyncio.create_task(tell()), asyncio.create_task(listen())]
+            tasks += [asyncio.create_task(one()) for one in (tell, listen)]
+            tasks.append(asyncio.create_task(is_full.wait()))
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
         await asyncio.to_thread(stage.leave, send)
@@ -253,6 +261,10 @@ async def _play(stage: Stage, socket: WebSocket) -> None:
         for done in await asyncio.gather(*tasks, return_exceptions=True):
             if isinstance(done, Exception) and not isinstance(done, (WebSocketDisconnect, RuntimeError, OSError)):
                 raise done
+    if is_full.is_set():
+        # It does not answer either.
+        with suppress(TimeoutError, WebSocketDisconnect, RuntimeError, OSError):
+            await asyncio.wait_for(socket.close(_TOO_SLOW), _CLOSING_SECONDS)
 
 
 def _fault(request: HTTPConnection, token: str, host: str, port: int) -> str:

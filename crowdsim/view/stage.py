@@ -22,6 +22,12 @@ Send = Callable[[str | bytes], None]
 """Sends a message to one who watches; called by any thread."""
 
 
+class Passing(str):
+    """A message that one who cannot keep up may miss, as frames are: newer ones follow it."""
+
+    __slots__ = ()
+
+
 class _Command(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -325,7 +331,7 @@ class Stage:
             if decision.avatar in asked:
                 crowd = self.played.crowd
                 policy = crowd.policies[crowd.cast.policies[decision.avatar]]
-                message = json.dumps({"why": describe_decision(decision, policy)})
+                message = Passing(json.dumps({"why": describe_decision(decision, policy)}))
                 for send in asked[decision.avatar]:
                     send(message)
         tuned = json.dumps(self.played.tunings())
@@ -333,7 +339,7 @@ class Stage:
         if json.dumps(self.played.tunings()) != tuned:
             self._tell(json.dumps(self._status()))
         for avatar, sends in self._asked("values").items():
-            message = self._values(avatar)
+            message = Passing(self._values(avatar))
             for send in sends:
                 send(message)
         self._poses.add(frame)

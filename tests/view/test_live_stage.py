@@ -1,5 +1,6 @@
 """What is played live: what is sent of it, what may be asked of it, and who may ask."""
 
+import asyncio
 import http.client
 import json
 import os
@@ -27,7 +28,7 @@ from crowdsim.scenario.scenario import load_scenario
 from crowdsim.view import server as serving
 from crowdsim.view.live import LAG, ROWS, LivePoses, Settled, clips_of
 from crowdsim.view.server import open_server
-from crowdsim.view.stage import Stage
+from crowdsim.view.stage import Passing, Stage
 
 HURT = {"boxer": {"policy": "tiny", "damage": {"health": 40}}}
 
@@ -299,6 +300,8 @@ def test_decisions_of_one_avatar_are_told(stage) -> None:
     messages = [json.loads(one) for one in told if isinstance(one, str)]
     reasons = [one["why"] for one in messages if "why" in one]
     assert len(reasons) > 2
+    # A page that cannot keep up may miss them.
+    assert {isinstance(one, Passing) for one in told if isinstance(one, str) and "why" in json.loads(one)} == {True}
     for one in reasons:
         assert one["avatar"] == 2
         (taken,) = [option for option in one["options"] if option["taken"]]
@@ -395,6 +398,47 @@ def test_a_websocket_gets_frames_and_answers(address) -> None:
             message = peer.recv(60)
             if isinstance(message, bytes):
                 seen = unpack(message)[0]["targets"]
+
+
+def test_a_page_that_reads_nothing_misses_what_passes_and_is_left_when_too_much_waits(stage) -> None:
+    class Deaf:
+        def __init__(self) -> None:
+            self.is_closed, self.code = asyncio.Event(), None
+
+        async def accept(self) -> None:
+            pass
+
+        async def send_text(self, _message) -> None:
+            await asyncio.Event().wait()
+
+        send_bytes = send_text
+
+        async def receive(self):
+            await self.is_closed.wait()
+            return {"type": "websocket.disconnect"}
+
+        async def close(self, code) -> None:
+            self.code = code
+            self.is_closed.set()
+
+    async def play() -> int:
+        page = Deaf()
+        playing = asyncio.create_task(serving._play(stage, page))
+        while not stage._sends:
+            await asyncio.sleep(0.01)
+        (send,) = stage._sends
+        for _ in range(1000):
+            send(b"frame")
+            send(Passing("values"))
+        await asyncio.sleep(0.1)
+        assert not playing.done()
+        for _ in range(400):
+            send("status")
+        await asyncio.wait_for(playing, 60)
+        return page.code
+
+    assert asyncio.run(play()) == 1013
+    assert not stage._sends
 
 
 def test_a_message_that_is_no_text_closes_the_websocket(address) -> None:
