@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +12,7 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.limbs import flexion, hinge_axis
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.poses.builds import joint_segments
+from crowdsim.poses.kernels.turning import Turning
 
 _FREE, _MORE = np.deg2rad(130.0), np.deg2rad(8.0)
 """Flexion that blends may always give, and what they may give beyond that or the capture's own [rad]."""
@@ -71,6 +72,17 @@ def chain_of(skeleton: Skeleton, joints: Sequence[int]) -> Array:
             found.add(at)
             at = int(skeleton.parents[at])
     return np.array(sorted(found), np.int64)
+
+
+def turning_of(
+    skeleton: Skeleton, body: Body, shares: Mapping[str, float], axis: Array, of_root: bool = False
+) -> Turning:
+    """Return which joints between root and head turn about an axis, by shares of their roles, which add up."""
+    chain = chain_of(skeleton, [body.roles["head"]])
+    each = np.zeros(len(chain))
+    for role, part in shares.items():
+        each[chain == body.roles[role]] += part
+    return Turning(np.asarray(skeleton.parents, dtype=np.int64), chain, each, axis, of_root)
 
 
 def measure_limbs(

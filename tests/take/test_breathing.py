@@ -9,8 +9,8 @@ from take.test_down_state import FPS, FRAMES, spans, takes
 
 from crowdsim.motion import quaternion
 from crowdsim.poses.facing import face_direction
-from crowdsim.poses.kernels.breathing import Chest, breathe
 from crowdsim.poses.kernels.records import Moments, Offsets, Posed
+from crowdsim.poses.kernels.turning import Turning, turn_joints
 from crowdsim.poses.layers.breathing import breath
 from crowdsim.take.take import Events, Take
 
@@ -39,12 +39,13 @@ def test_breaths_pass_evenly_from_slow_to_quick() -> None:
 
 def test_a_breath_bends_the_trunk_about_the_hips_and_keeps_the_head_as_it_is() -> None:
     parents = np.array([-1, 0, 1, 2], np.int64)
-    chest = Chest(parents, np.arange(4), np.array([0.0, 0.4, 0.6, -1.0]), np.array([1.0, 0.0, 0.0]))
+    shares, across = np.array([0.0, 0.4, 0.6, -1.0]), np.array([1.0, 0.0, 0.0])
+    chest = Turning(parents, np.arange(4), shares, across, of_root=True)
     rotations = quaternion.from_euler(np.random.default_rng(2).uniform(-0.6, 0.6, (4, 3)), "YXZ")
     poses = Posed(np.zeros((3, 1, 3)), np.broadcast_to(rotations, (3, 1, 4, 4)).copy())
     poses.roots[2] = np.nan
     moments = Moments(np.zeros(1, np.int64), np.array([[0.5], [1.5], [1.5]]))
-    breathe(0, 1, moments, Offsets(np.full((8, 1), 0.05, np.float32), -2, 1.0), chest, poses)
+    turn_joints(0, 1, moments, Offsets(np.full((8, 1), 0.05, np.float32), -2, 1.0), chest, poses)
 
     def world(pose: np.ndarray) -> list[np.ndarray]:
         found = [pose[0]]

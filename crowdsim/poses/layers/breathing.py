@@ -8,10 +8,10 @@ from scipy.ndimage import correlate1d
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.poses.kept import Kept
-from crowdsim.poses.kernels.breathing import Chest, breathe
 from crowdsim.poses.kernels.records import Offsets, Posed
+from crowdsim.poses.kernels.turning import Turning, turn_joints
 from crowdsim.poses.layer import Layer, Part, Scheduler
-from crowdsim.poses.limbs import chain_of
+from crowdsim.poses.limbs import chain_of, turning_of
 from crowdsim.poses.motion import PoseMotion
 
 _SHARES = {"spine": 0.4, "chest": 0.6, "neck": -0.5, "head": -0.5}
@@ -28,17 +28,13 @@ _SMOOTH = np.hanning(2 * _SPREAD + 3)[1:-1] / (_SPREAD + 1)
 """Weights of that."""
 
 
-def build_chest(motion: PoseMotion) -> Chest:
-    """Return what a body breathes with."""
+def build_chest(motion: PoseMotion) -> Turning:
+    """Return what a body breathes with: it bends about the way from the right hip to the left one."""
     roles, skeleton = motion.body.roles, motion.skeleton
-    chain = chain_of(skeleton, [roles["head"]])
-    shares = np.zeros(len(chain))
-    for role, part in _SHARES.items():
-        shares[chain == roles[role]] += part
     offsets = np.asarray(skeleton.offsets, dtype=float)
     left, right = (offsets[chain_of(skeleton, [roles[f"{side}_hip"]])[1:]].sum(axis=0) for side in ("left", "right"))
     across = (left - right) / np.linalg.norm(left - right)
-    return Chest(np.asarray(skeleton.parents, dtype=np.int64), chain, shares, across)
+    return turning_of(skeleton, motion.body, _SHARES, across, of_root=True)
 
 
 class Breathing(Layer):
@@ -69,7 +65,9 @@ class Breathing(Layer):
         """Bend them."""
         breaths, chest = part.plans[self.name], self._chests[part.policy]
         if breaths is not None and breaths.values.any():
-            share(len(part.moments.columns), breathe, part.moments, breaths, chest, poses, threads=part.window.threads)
+            share(
+                len(part.moments.columns), turn_joints, part.moments, breaths, chest, poses, threads=part.window.threads
+            )
 
     def _find(self, frames: Array, avatars: Array) -> Array:
         """Find how far trunks of avatars (n,) are bent at control frames (T,) [rad]. Shape (T, n)."""

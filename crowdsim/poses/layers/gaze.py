@@ -11,11 +11,10 @@ from crowdsim.core.workers import share
 from crowdsim.crowd.record import TakeData
 from crowdsim.motion.ground import wrap
 from crowdsim.poses.kept import Kept
-from crowdsim.poses.kernels.gaze import Gaze, turn_heads
 from crowdsim.poses.kernels.records import Offsets, Posed
+from crowdsim.poses.kernels.turning import turn_joints
 from crowdsim.poses.layer import Layer, Part, Scheduler
-from crowdsim.poses.limbs import chain_of
-from crowdsim.poses.motion import PoseMotion
+from crowdsim.poses.limbs import turning_of
 
 _SHARES = {"neck": 0.4, "head": 0.6}
 """Shares of a turn."""
@@ -38,16 +37,6 @@ _FREE = np.deg2rad(8.0)
 """Angle off the opponent that heads keep from the motion [rad]."""
 _BEHIND = np.deg2rad(120.0)
 """Range, up to straight behind, over which heads stop following: there they would have to choose a side [rad]."""
-
-
-def build_gaze(motion: PoseMotion) -> Gaze:
-    """Return what a body looks with."""
-    roles, skeleton = motion.body.roles, motion.skeleton
-    chain = chain_of(skeleton, [roles["head"]])
-    shares = np.zeros(len(chain))
-    for role, part in _SHARES.items():
-        shares[chain == roles[role]] += part
-    return Gaze(np.asarray(skeleton.parents, dtype=np.int64), chain, shares)
 
 
 class Falls:
@@ -112,7 +101,8 @@ class HeadTurns(Layer):
         super().__init__(poser)
         take = poser.take
         self._falls = Falls(take)
-        self._gazes = [build_gaze(motion) for motion in poser.motions]
+        up = np.array([0.0, 1.0, 0.0])
+        self._gazes = [turning_of(motion.skeleton, motion.body, _SHARES, up) for motion in poser.motions]
         self.turns = Kept(take.frame_count, take.control_rate, take.avatar_count, (), self._find)
 
     def prepare(self, avatars: Array, first: float, last: float) -> None:
@@ -126,7 +116,7 @@ class HeadTurns(Layer):
     def apply(self, part: Part, poses: Posed) -> None:
         """Turn them."""
         gaze, turns = self._gazes[part.policy], part.plans[self.name]
-        share(len(part.moments.columns), turn_heads, part.moments, turns, gaze, poses, threads=part.window.threads)
+        share(len(part.moments.columns), turn_joints, part.moments, turns, gaze, poses, threads=part.window.threads)
 
     def _find(self, frames: Array, avatars: Array) -> Array:
         """Find how far heads of avatars (n,) turn at control frames (T,) [rad]. Shape (T, n)."""
