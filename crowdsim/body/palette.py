@@ -96,5 +96,6 @@ def skin_paints(avatar: int, paints: Array, kind: int = 0) -> Array:
         "lips": skin * (0.80, 0.52, 0.52, 2.0), "top": shirt, "shorts": trunks, "band": bright, "gloves": glove,
         "cuffs": bright, "shoes": shoe, "soles": (0.70, 0.70, 0.68, 0.1),
         "stripes": bright if kind % 2 else trunks, "hems": bright if kind % 4 > 1 else trunks,
+        "crossings": bright if kind % 4 else trunks,
     }  # fmt: skip
     return np.array([of[part] for part in SKIN_PARTS], np.float32)

@@ -13,7 +13,7 @@ from crowdsim.core.types import Array
 
 SKIN_PARTS = (
     "skin", "hair", "brows", "eyes", "pupils", "lips", "top", "shorts", "band", "gloves", "cuffs", "shoes", "soles",
-    "stripes", "hems",
+    "stripes", "hems", "crossings",
 )  # fmt: skip
 
 _HAIRLINE = {
@@ -23,6 +23,8 @@ _HAIRLINE = {
                [-5.6, -5.4, -4.8, -3.6, -0.8, 2.4, 3.4, 3.0, 1.0, 0.5, 1.4, 3.2, 4.6, 5.5, 6.0, 6.3]),
 }  # fmt: skip
 """Height over the middle of the head of the line where hair begins, by how far to the front [cm]."""
+_SNAP, _CROSSING = 0.25, 0.02
+"""Share of an edge up to which vertices near a line are moved onto it, and that where lines cross others."""
 _STRIPE, _HEM = 2.2, 3.2
 """Half the width of the stripes at the sides of shorts, and the height of their hems [cm]."""
 
@@ -78,7 +80,9 @@ def dress(
     parts = np.zeros(len(triangles), np.int64)
     for part, value in lines:
         numbers = np.arange(len(triangles))
-        vertices, triangles, numbers, inside = cut(vertices, triangles, numbers, value(vertices))
+        # Lines that cross others move no vertices of these.
+        snap = _CROSSING if part in ("stripes", "hems", "crossings") else _SNAP
+        vertices, triangles, numbers, inside = cut(vertices, triangles, numbers, value(vertices), snap)
         parts = parts[numbers]
         parts[inside & np.isin(parts, _UNDER[part])] = SKIN_PARTS.index(part)
 
@@ -104,7 +108,7 @@ _UNDER = {
     for name, unders in {
         "hair": ("skin",), "brows": ("skin",), "eyes": ("skin",), "pupils": ("eyes",), "lips": ("skin",),
         "top": ("skin",), "shorts": ("skin",),
-        "band": ("shorts",), "stripes": ("shorts",), "hems": ("shorts", "stripes"),
+        "band": ("shorts",), "stripes": ("shorts",), "hems": ("shorts",), "crossings": ("stripes",),
         "gloves": ("skin",), "cuffs": ("gloves",), "shoes": ("skin",), "soles": ("shoes",),
     }.items()
 }  # fmt: skip
@@ -198,7 +202,8 @@ def _lines(binding: Binding, build: Build) -> list[tuple[str, Callable[[Array], 
 
     lines: list[tuple[str, Callable[[Array], Array]]] = [
         ("hair", hair), ("shorts", shorts), ("band", band),
-        ("stripes", near(both(stripe))), ("hems", near(hem)), ("shoes", both(shoe)), ("soles", both(sole)),
+        ("stripes", near(both(stripe))), ("hems", near(hem)), ("crossings", near(hem)),
+        ("shoes", both(shoe)), ("soles", both(sole)),
         ("eyes", blob(-0.45, 5.5, 3.15, (1.35, 0.62), 0.10)),
         ("pupils", blob(-0.42, 5.5, 3.1, (0.55, 0.62))),
         ("brows", blob(1.35, 4.5, 3.3, (2.1, 0.42), -0.10)),
@@ -226,6 +231,6 @@ def _thicknesses(binding: Binding, build: Build) -> list[tuple[tuple[str, ...], 
         up, front, _ = _coordinates(binding, "head", points).T
         return size * np.clip(0.25 + 0.14 * (up - np.interp(front, *_HAIRLINE[build.sex])), 0.25, 0.9)
 
-    return [(("hair",), grown), (("shorts", "band", "stripes", "hems"), flared),
+    return [(("hair",), grown), (("shorts", "band", "stripes", "hems", "crossings"), flared),
             (("top",), even(0.3)), (("gloves", "cuffs"), even(0.35)),
             (("shoes", "soles"), even(0.3))]  # fmt: skip

@@ -98,18 +98,21 @@ def test_borders_of_parts_are_straight_lines(skin: Skin) -> None:
 def test_types_in_turn_have_stripes_and_hems_on_their_shorts(skin: Skin) -> None:
     middles = {
         name: skin.vertices[skin.triangles[skin.parts == SKIN_PARTS.index(name)]].mean(axis=1)
-        for name in ("shorts", "stripes", "hems")
+        for name in ("shorts", "stripes", "hems", "crossings")
     }
     # Stripes are at the outer sides, hems below everything else of the shorts.
     sides = np.abs(middles["stripes"][:, 0])
     assert sides.min() > np.percentile(np.abs(middles["shorts"][:, 0]), 60)
     assert {*np.sign(middles["stripes"][:, 0])} == {*np.sign(middles["hems"][:, 0])} == {-1.0, 1.0}
     assert middles["hems"][:, 1].max() < np.percentile(middles["shorts"][:, 1], 20)
+    # Where a stripe crosses a hem it is seen whichever of the two a type has.
+    assert middles["crossings"][:, 1].max() < middles["stripes"][:, 1].min() + 0.01
     dress = avatar_paints([0, 1])[1]
-    shorts, band, stripes, hems = (SKIN_PARTS.index(name) for name in ("shorts", "band", "stripes", "hems"))
+    names = ("shorts", "band", "stripes", "hems", "crossings")
+    shorts, band, stripes, hems, crossings = map(SKIN_PARTS.index, names)
     for kind in range(8):
         paints = skin_paints(1, dress, kind)
-        for part, has in ((stripes, kind in (1, 3, 5, 7)), (hems, kind in (2, 3, 6, 7))):
+        for part, has in ((stripes, kind % 4 in (1, 3)), (hems, kind % 4 in (2, 3)), (crossings, kind % 4 > 0)):
             np.testing.assert_array_equal(paints[part], paints[band if has else shorts])
     assert (skin_paints(1, dress)[stripes] != skin_paints(1, dress)[band]).any()
 
