@@ -100,13 +100,13 @@ def test_types_in_turn_have_stripes_and_hems_on_their_shorts(skin: Skin) -> None
         name: skin.vertices[skin.triangles[skin.parts == SKIN_PARTS.index(name)]].mean(axis=1)
         for name in ("shorts", "stripes", "hems", "crossings")
     }
-    # Stripes are at the outer sides, hems below everything else of the shorts.
+    # Stripes are at the outer sides, hems at the lower ends of thighs that lean a little.
     sides = np.abs(middles["stripes"][:, 0])
     assert sides.min() > np.percentile(np.abs(middles["shorts"][:, 0]), 60)
     assert {*np.sign(middles["stripes"][:, 0])} == {*np.sign(middles["hems"][:, 0])} == {-1.0, 1.0}
-    assert middles["hems"][:, 1].max() < np.percentile(middles["shorts"][:, 1], 20)
+    assert middles["hems"][:, 1].max() < np.percentile(middles["shorts"][:, 1], 40)
     # Where a stripe crosses a hem it is seen whichever of the two a type has.
-    assert middles["crossings"][:, 1].max() < middles["stripes"][:, 1].min() + 0.01
+    assert np.median(middles["crossings"][:, 1]) < np.percentile(middles["stripes"][:, 1], 10)
     dress = avatar_paints([0, 1])[1]
     names = ("shorts", "band", "stripes", "hems", "crossings")
     shorts, band, stripes, hems, crossings = map(SKIN_PARTS.index, names)
