@@ -51,7 +51,7 @@ def _pick_cheer(model, avatars, world, own, left):
 
 @kernel
 def _has_won(avatars, now, own):
-    """Return whether the opponents that an avatar has had are out of the fight, one at least, and nobody fights it."""
+    """Return whether an avatar has had opponents, all of them are out of the fight, and no other one fights it."""
     won, number, skip = False, avatars.number[own], avatars.skip[own]
     for j in range(now.present):
         team, row = avatars.team[j], avatars.conditions[avatars.number[j]]

@@ -82,7 +82,7 @@ def stagger(model, avatars, world, now, thrown, observed):
 
 @kernel(inline=True)
 def _keep_near(avatars, own, observed, q):
-    """Keep those of an avatar's neighbours that it sees from where it is now; an index may list others, too."""
+    """Keep those of an avatar's neighbours that are within ``SEES`` of where it is now; an index lists more."""
     held = 0
     for k in range(observed.counts[q]):
         j = observed.neighbours[q, k]
