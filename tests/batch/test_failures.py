@@ -191,8 +191,11 @@ def farm(folder: Path, *workers: Sequence[str], tls: Sequence[str] = ()) -> Iter
     finally:
         for one in reversed(processes):
             one.terminate()
+        _, left = psutil.wait_procs([psutil.Process(one.pid) for one in processes if one.poll() is None], timeout=30)
+        for process in left:  # Dask's own end, which is not under test, may wait for ever
+            process.kill()
         for one in processes:
-            one.wait(timeout=600)
+            one.wait()
 
 
 def add_worker(folder: Path, address: str, *options: str) -> Process:
