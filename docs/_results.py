@@ -110,6 +110,16 @@ def scaled(factor: float, unit: str = "", shown: Format = number) -> Format:
     return lambda value: f"{shown(factor * value)}{unit}"
 
 
+def at_most(most: float | None) -> Format:
+    """Return a format of figures that stand out, with the goal, where they are greater than that."""
+    return lambda value: number(value) if most is None or value <= most else f"**{number(value)}** (at most {most:g})"
+
+
+def at_least(least: float) -> Format:
+    """Return a format of figures that stand out, with the goal, where they are smaller than that."""
+    return lambda value: number(value) if value >= least else f"**{number(value)}** (at least {least:g})"
+
+
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """Return the lines of a table."""
     head, *body = [f"| {' | '.join(row)} |" for row in [header, *rows]]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from _results import Format, Results, number
+from _results import Results, at_least, at_most, scaled
 
 PAGES = {"30": "`brawl_30`, 67 s, 60 fps", "1000": "1,000 boxers, 10 s, 30 fps", "10000": "10,000 boxers, 1 s, 30 fps"}
 FIGURES = {
@@ -24,18 +24,11 @@ GOALS = {
 """The most that figures of each page may be."""
 
 
-def _shown(page: str, figure: str) -> Format:
-    most = GOALS[page].get(figure)
-    if most is None:
-        return number
-    return lambda value: number(value) if value <= most else f"**{number(value)}** (at most {most:g})"
-
-
 def player(results: Results) -> list[str]:
     """Return what pages of the player cost, and how soon and how fast Chromium shows them without graphics hardware."""
     # Joints of large crowds are packed as those of thirty are.
     rows = [
-        [label, *(results.cell(_shown(page, figure), "view", "pages", page, figure)
+        [label, *(results.cell(at_most(GOALS[page].get(figure)), "view", "pages", page, figure)
                   if page == "30" or figure != "error_millimetres" else "" for page in PAGES)]
         for label, figure in FIGURES.items()
     ]  # fmt: skip
@@ -43,27 +36,19 @@ def player(results: Results) -> list[str]:
 
 
 LIVE = {
-    "control, a control frame [ms]": ("control_milliseconds", 0.67),
-    "poses, a control frame [ms]": ("pose_milliseconds", 8.0),
-    "share of a core, the page open [%]": ("core_share", 25.0),
-    "control frames a second that arrive": ("frames_per_second", None),
-    "from a drag to the picture, median [ms]": ("drag_to_picture_ms", 50.0),
-    "from a drag to the picture, 95 % within [ms]": ("drag_to_picture_95_ms", 90.0),
+    "control, a control frame [ms]": ("control_milliseconds", at_most(0.67)),
+    "poses, a control frame [ms]": ("pose_milliseconds", at_most(8.0)),
+    "share of a core, the page open [%]": ("core_share", scaled(100.0, "", at_most(25.0))),
+    "control frames a second that arrive": ("frames_per_second", at_least(14.95)),
+    "from a drag to the picture, median [ms]": ("drag_to_picture_ms", at_most(50.0)),
+    "from a drag to the picture, 95 % within [ms]": ("drag_to_picture_95_ms", at_most(90.0)),
 }
-"""Rows of what is played live: keys, and the most that they may be. At 15 frames a second 1 % of a core is 0.67 ms."""
+"""Rows of what is played live: keys, and formats with goals. At 15 frames a second 1 % of a core is 0.67 ms."""
 
 
 def live(results: Results) -> list[str]:
     """Return what ``brawl_30`` costs while it is played, and how soon a drag shows."""
-
-    def shown(key: str, most: float | None) -> Format:
-        def text(value: float) -> str:
-            value = 100.0 * value if key == "core_share" else value
-            return number(value) if most is None or value <= most else f"**{number(value)}** (at most {most:g})"
-
-        return text
-
-    rows = [[label, results.cell(shown(key, most), "view", "play", key)] for label, (key, most) in LIVE.items()]
+    rows = [[label, results.cell(shown, "view", "play", key)] for label, (key, shown) in LIVE.items()]
     return results.table(["", "`brawl_30`, played live"], rows, "view")
 
 
