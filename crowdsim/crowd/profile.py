@@ -152,7 +152,7 @@ def _measure(
         avatars=crowd.count,
         threads=threads,
         device=device,
-        search=", ".join(simulation.searches),
+        search="kd_tree" if device == "cuda" else ", ".join(simulation.searches),
         timings=np.concatenate(parts),
         whole=whole,
         compiling=0,

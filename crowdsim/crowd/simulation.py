@@ -88,7 +88,8 @@ class Simulation:
 
     Attributes:
         searches: What has found them so far, in this order: ``direct``, ``kd_tree`` or ``scipy``. With ``auto`` it is
-            ``direct`` in frames with up to ``SMALL`` avatars, the tree in others.
+            ``direct`` in frames with up to ``SMALL`` avatars, the tree in others. A GPU always searches its tree, and
+            notes what the processor would have done, so that their checkpoints are equal.
 
     Raises:
         RunError: The policies do not go together, the crowd has none or weights of fewer behaviours than one has, a
@@ -335,7 +336,7 @@ class Simulation:
             step = 1 if self._follows_keys else self._agenda.until_next(self.frame, most)
             rows = record.rows(done, done + step)
             times = timings[done : done + step]
-            if self.present <= SMALL and self._search == "auto" and self._gpu is None:
+            if self.present <= SMALL and self._search == "auto":
                 ran, thrown = self._run_small(rows, times)
             else:
                 ran, thrown = self._run_stages(rows, times)
@@ -357,13 +358,15 @@ class Simulation:
     def _run_small(self, rows: Record, timings: Array) -> tuple[int, Array]:
         """Run as many frames as there are rows, or as there is room for strikes, in one compiled call."""
         frames, present = len(rows.action), self.present
-        world = self._world_at(self.frame - 1, frames + 1)
-        strikes = empty_strikes(16 * present + present * frames // 2)
         fresh, still = self._fresh, self._is_rolled_in or len(self._fresh) == present
         if len(fresh) and not still:
             # Avatars that have just entered decide before the others move.
             return self._run_stages(rows.rows(0, 1), timings[:1])
         self._note_search("direct")
+        if self._gpu is not None:
+            return self._run_frame(rows.rows(0, 1), timings[:1])
+        world = self._world_at(self.frame - 1, frames + 1)
+        strikes = empty_strikes(16 * present + present * frames // 2)
         ran, held, lost = run_frames(
             self.model, self.avatars, world, self._now, frames, still, fresh, self._scratch, rows, strikes, timings
         )
@@ -376,6 +379,10 @@ class Simulation:
     def _run_stages(self, rows: Record, timings: Array) -> tuple[int, Array]:
         """Run one frame, each stage shared out among threads."""
         self._note_search("scipy" if self._search == "scipy" else "kd_tree")
+        return self._run_frame(rows, timings)
+
+    def _run_frame(self, rows: Record, timings: Array) -> tuple[int, Array]:
+        """Run one frame stage by stage."""
         fresh, self._fresh = self._fresh, self._fresh[:0]
         world, moves = self._world_at(self.frame - 1, 2), not self._is_rolled_in
         thrown = self._stages.run(world, self._now, fresh, rows, timings, moves)

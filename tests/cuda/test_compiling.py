@@ -57,7 +57,7 @@ def test_fields_of_records_are_aligned_on_a_gpu():
 @pytest.mark.slow
 def test_a_compiled_thread_is_kept_and_not_compiled_again(work, tmp_path, monkeypatch):
     monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr("numba.cuda.dispatcher._Kernel.bind", lambda self: self.inspect_asm((9, 0)))
+    monkeypatch.setattr("numba.cuda.dispatcher._Kernel.bind", lambda self: self._codelibrary.get_cubin())
     monkeypatch.setattr("numba.cuda.codegen.CUDACodeLibrary._ensure_cc", lambda self, cc: (9, 0, "a"))
     binaries.prepare_compiler()
     kind, compiling = typeof(work), patch("numba.cuda.dispatcher.compile_cuda", side_effect=AssertionError("compiled"))
@@ -69,5 +69,8 @@ def test_a_compiled_thread_is_kept_and_not_compiled_again(work, tmp_path, monkey
             binaries.compile_thread(record_avatar, kind, (12, 0))
     (before,), (after,) = first.overloads.values(), again.overloads.values()
     assert before is not after
-    assert before._codelibrary._ptx_cache == after._codelibrary._ptx_cache != {}
-    assert len([*tmp_path.rglob("*.nbc")]) == 1
+    (code,), (kept,) = before._codelibrary._cubin_cache.values(), after._codelibrary._cubin_cache.values()
+    assert code.code == kept.code
+    assert code.code.startswith(b"\x7fELF")
+    (file,) = tmp_path.rglob("*.nbc")
+    assert file.stat().st_size < 2_000_000

@@ -136,7 +136,10 @@ class ThreadCache:
             return None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
-        """Keep what has been compiled of a signature."""
+        """Keep what has been compiled of a signature: its machine code."""
+        library = compiled._codelibrary
+        # In these the name of the argument's type, of some 15 kB, stands for each of a thousand parameters.
+        library._llvm_strs, library._ptx_cache = [], {}
         try:
             self._folder.ensure_cache_path()
             write_kernel(self.path(signature), dumps(compiled._reduce_states()))

@@ -19,14 +19,18 @@ SIMULATED = bool(config.ENABLE_CUDASIM)  # type: ignore[attr-defined]
 
 def aligned(kind: np.dtype[Any]) -> np.dtype[Any]:
     """Return a type of records with fields at multiples of their sizes; other types as they are."""
-    return kind if kind.names is None or SIMULATED else np.dtype(kind.descr, align=True)
+    if kind.fields is None or kind.isalignedstruct or SIMULATED:
+        return kind
+    return np.dtype([(name, field[0]) for name, field in kind.fields.items()], align=True)
 
 
 def to_device(values: Array) -> Any:
     """Return a copy of an array, in the order in which it is stored."""
+    plain = values if values.flags.forc else np.ascontiguousarray(values)
     if SIMULATED:
-        return values.copy(order="K")
-    plain = np.asarray(values)
+        copy = np.array(plain, order="K")
+        copy.flags.writeable = values.flags.writeable
+        return copy
     return cuda.to_device(plain.astype(aligned(plain.dtype), order="K", copy=False))
 
 

@@ -31,6 +31,8 @@ from crowdsim.errors import RunError
 
 _TOGETHER = 1 << 16
 """Most avatars that decide at a time, each with scratch space of its own, about 5 kB."""
+_LEAST = 32
+"""Room for fewer would have another order in memory, for which threads would be compiled again."""
 _NODES = 64
 """Nodes of a tree that a search has still to look at, at the most."""
 _BLOCK_OF_NODES = 256
@@ -197,9 +199,10 @@ class CudaStages:
                 boxes=to_device(np.zeros((2 << self._depth, 4))),
                 box_teams=to_device(np.zeros(2 << self._depth, np.int32)),
             )
-        slots = np.zeros(self._crowd.count, np.int32)
-        slots[: len(fresh)] = fresh
-        write(work.fresh, slots)
+        if len(fresh):
+            slots = np.zeros(self._crowd.count, np.int32)
+            slots[: len(fresh)] = fresh
+            write(work.fresh, slots)
         write(work.counters, np.zeros(COUNTERS, np.int32))
         self._is_fetched = False
         self._work = work._replace(world=shared, now=now, entered=len(fresh), search=search._replace(depth=self._depth))
@@ -208,7 +211,7 @@ class CudaStages:
     def _allocate(self, world: World) -> Work:
         """Return memory for all that threads read and write, once it is known that there is enough."""
         count, most = self._crowd.count, self._crowd.crowding.most
-        rows = min(count, _TOGETHER)
+        rows = min(max(count, _LEAST), _TOGETHER)
         scratch = empty_scratch(self._model, most, 1)
         scratch = scratch._replace(starts=scratch.starts[:1])
         room = max(1024, count // 3)
