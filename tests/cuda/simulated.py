@@ -2,8 +2,9 @@
 
     NUMBA_ENABLE_CUDASIM=1 python tests/cuda/simulated.py NAME ...
 
-In the simulator threads call the compiled kernels that the processor calls; everything else is what runs with a GPU. With
-NUMBA_DISABLE_JIT=1 kernels are plain Python on both sides, which takes seconds for a dozen avatars, and no compiling.
+In the simulator threads call the compiled kernels that the processor calls; everything else is what runs with a GPU.
+With NUMBA_DISABLE_JIT=1 kernels are plain Python on both sides, which takes seconds for a dozen avatars, and no
+compiling.
 """
 
 import dataclasses

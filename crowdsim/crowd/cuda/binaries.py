@@ -7,7 +7,6 @@ from it.
 from __future__ import annotations
 
 import hashlib
-import pickle
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -120,6 +119,8 @@ class ThreadCache:
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         """Return what has been compiled of a signature, or None."""
+        import pickle
+
         from numba.cuda.dispatcher import _Kernel
 
         path = self.path(signature)
