@@ -54,6 +54,16 @@ def test_fields_of_records_are_aligned_on_a_gpu():
             assert offset % field.alignment == 0
 
 
+def test_a_thread_is_kept_by_its_sources_its_argument_and_the_kind_of_gpu():
+    paths = {
+        binaries.ThreadCache(record_avatar, capability).path((kind,))
+        for capability in CAPABILITIES
+        for kind in (typeof(np.zeros(2)), typeof(np.zeros(2, np.int32)))
+    }
+    assert len(paths) == 2 * len(CAPABILITIES)
+    assert all(re.fullmatch(r"threads-[0-9a-f]{16}", path.parent.name) for path in paths)
+
+
 @pytest.mark.slow
 def test_a_compiled_thread_is_kept_and_not_compiled_again(work, tmp_path, monkeypatch):
     monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
