@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
+from importlib import import_module
 from importlib.util import find_spec
 
 from crowdsim.errors import CrowdsimError, nearest
@@ -52,11 +54,12 @@ def missing_for_cuda() -> str:
         return ""
     from numba import cuda
 
+    errors: tuple[type[Exception], ...] = (*driver_errors(), ImportError)
     try:
         if not cuda.is_available():
             return "found no NVIDIA GPU with a driver for CUDA 13 (580 or newer) on this machine"
         device = cuda.get_current_device()
-    except (driver_errors(), ImportError) as error:
+    except errors as error:
         return f"the NVIDIA driver cannot be used: {' '.join(str(error).split())}"
     capability = device.compute_capability
     if tuple(capability)[:2] < OLDEST:
@@ -87,8 +90,6 @@ def driver_errors() -> tuple[type[Exception], ...]:
 
     names = ("CudaDriverError", "CudaSupportError", "CudaRuntimeError")
     found = [getattr(error, name) for name in names if hasattr(error, name)]
-    if find_spec("cuda") is not None and find_spec("cuda.core") is not None:
-        from cuda.core._utils.cuda_utils import CUDAError
-
-        found.append(CUDAError)
+    with suppress(ImportError, AttributeError):
+        found.append(import_module("cuda.core._utils.cuda_utils").CUDAError)
     return tuple(found)
