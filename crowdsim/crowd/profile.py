@@ -164,8 +164,8 @@ def _measure(
 def profile_table(profile: Profile) -> str:
     """Return a profile as a table for people."""
     lines = [
-        f"{profile.avatars} avatars, {len(profile.timings)} control frames, threads: {profile.threads}, "
-        f"device: {profile.device}, search: {profile.search}"
+        f"{profile.avatars} avatars, {len(profile.timings)} control frames, device: {profile.device}, "
+        f"threads: {profile.threads}, search: {profile.search}"
     ]
     lines.append(f"{'stage':<10}{'mean':>10}{'p50':>10}{'p95':>10}{'p99':>10}{'max':>10}  {'ns/avatar-frame':>16}")
     for cost in profile.costs:
