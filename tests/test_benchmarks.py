@@ -13,6 +13,8 @@ from typing import Any
 
 import pytest
 
+from crowdsim.crowd.cuda.device import missing_for_cuda
+
 ROOT = Path(__file__).parents[1]
 SCRIPTS = sorted(path for path in (ROOT / "benchmarks").glob("*.py") if not path.stem.startswith("_"))
 BENCHMARKS = [path for path in SCRIPTS if path.stem != "run_all"]
@@ -38,6 +40,11 @@ KEYS = {
         *(f"commands.{row}.{key}" for row in ("10000.warm", "10000.cold", "10000.many", "100000.warm", "100000.cold",
                                               "30.body", "30.capsules")
           for key in ("wall_seconds", "cpu_seconds", "peak_bytes")),
+    ],
+    "cuda": [
+        "device",
+        *(f"1000.{key}" for key in ("milliseconds", "stage_ms.choose", "cpu_2t_milliseconds", "cpu_all_milliseconds",
+                                    "digest_equal")),
     ],
     "delivery": ["float32.seconds", "int16.seconds", "clips.seconds", "touches.strikes", "touches.within 2 cm"],
     "training": [
@@ -148,6 +155,8 @@ def stem(path: Path) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("path", BENCHMARKS, ids=stem)
 def test_a_quick_benchmark_runs_and_has_its_keys(path: Path, tmp_path: Path) -> None:
+    if path.stem == "cuda" and (missing := missing_for_cuda()):
+        pytest.skip(missing)
     environment = {key: value for key, value in os.environ.items() if key != "CROWDSIM_MOCAP"}
     command = [sys.executable, str(path), "--quick", "--json"]
     done = subprocess.run(

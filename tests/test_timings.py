@@ -145,7 +145,7 @@ def test_a_profile_ends_with_a_verdict(workplace: Path, capsys) -> None:
     assert crowdsim("profile", "four.yaml", "--frames", "60", "--threads", "1,2") == 0
     tables = capsys.readouterr().out.split("\n\n")
     assert [table.split("\n")[0] for table in tables] == [
-        f"4 avatars, 60 control frames, threads: {threads}, search: direct" for threads in (1, 2)
+        f"4 avatars, 60 control frames, device: cpu, threads: {threads}, search: direct" for threads in (1, 2)
     ]
     for table, threads in zip(tables, ("one thread", "2 threads"), strict=True):
         times = re.fullmatch(rf"([\d,]+) times real time on {threads}", table.strip().split("\n")[-1])

@@ -298,7 +298,8 @@ class _Session:
     def _job(self, run: PlannedRun) -> Job:
         """Return what the tasks of a run need to know."""
         options, environment = self._options, self._plan.environment
-        return Job(self._folder, run, self._name, environment, options.retries, options.timeout, options.command)
+        how = options.retries, options.timeout, options.command, options.device
+        return Job(self._folder, run, self._name, environment, *how)
 
     def _submit(self, job: Job) -> list[Future]:
         """Send the tasks of a run: simulation, exports and ranges of pictures at once, and last what joins them."""

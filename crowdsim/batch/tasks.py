@@ -62,6 +62,7 @@ class Job:
     retries: int
     timeout: float
     command: str
+    device: str
 
     @property
     def folder(self) -> Path:
@@ -76,15 +77,28 @@ class Job:
 
 def simulate(job: Job) -> None:
     """Simulate a run into its folder; where it has no outputs it is finished then."""
+    from crowdsim.crowd.cuda.device import choose_device, take_gpu
     from crowdsim.runs.runner import run_to
 
     with _attempt(job, "simulate") as progress:
         policies = _policies(job)
         scenario = load_scenario(job.batch / SCENARIOS / job.run.id / RESOLVED, policies=job.run.policies)
         _wait_for(job.folder)
-        run_to(job.folder, scenario, 1, command=job.command, progress=progress, policies=policies)
+        if choose_device(job.device, scenario.avatar_count, scenario.opponents.search) == "cuda":
+            take_gpu(_worker_number())
+        run_to(
+            job.folder, scenario, 1, command=job.command, progress=progress, policies=policies, device=job.device
+        )  # fmt: skip
         if not has_outputs(job.run.outputs):
             write_result(job.batch, job.run.id, collect(job.folder, _take(job), job.run.mark))
+
+
+def _worker_number() -> int:
+    """Return the number of the worker that does this task; 0 of one that has a name."""
+    from distributed import get_worker
+
+    name = get_worker().name
+    return name if isinstance(name, int) else 0
 
 
 def export(job: Job, kind: str, *_: None) -> None:

@@ -71,6 +71,7 @@ class BatchOptions:
         mocap: Folder of capture for policies that are trained from it.
         threads: Threads that train and compile beforehand.
         command: The command, for manifests.
+        device: Where control runs, one of ``cuda.device.DEVICES``; workers of this machine take one GPU each.
     """
 
     jobs: int = 1
@@ -87,6 +88,7 @@ class BatchOptions:
     mocap: FileName | None = None
     threads: int = 1
     command: str = ""
+    device: str = "cpu"
 
 
 def require_dask(options: BatchOptions) -> None:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from crowdsim.commands.common import (
+    Device,
     Json,
     Mocap,
     Threads,
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from crowdsim.batch.plan import Plan
     from crowdsim.batch.results import Progress
     from crowdsim.batch.running import Outcome
+    from crowdsim.scenario.scenario import Scenario
 
 _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0}
 _SIZES = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12}
@@ -88,6 +90,7 @@ def batch(
     ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="List the runs and what they take; run nothing.")] = False,
     threads: Threads = CORES,
+    device: Device = "cpu",
     mocap: Mocap = None,
     as_json: Json = False,
 ) -> None:
@@ -95,6 +98,7 @@ def batch(
     from crowdsim.batch.description import with_overrides
     from crowdsim.batch.running import plan_batch, run_batch
     from crowdsim.batch.workers import BatchOptions
+    from crowdsim.crowd.cuda.device import choose_device, gpu_count
 
     wanted = with_overrides(_read_batch(files, seeds, sweep or []), override or ())
     limit, most = _parse_time(timeout), None if memory is None else _parse_size(memory)
@@ -111,10 +115,12 @@ def batch(
         _print_plan(folder, plan, as_json)
         return
     workers = jobs or _fitting_workers(plan)
+    if scheduler is None and "cuda" in [choose_device(device, *_size_of(run.scenario)) for run in runs.values()]:
+        workers = min(workers, gpu_count())
     command = shlex.join(["crowdsim", *sys.argv[1:]])
     options = BatchOptions(
         workers, scheduler, insecure, ca_file, certificate, key, dashboard, fail_fast, retries, limit, most, mocap,
-        threads, command,
+        threads, command, device,
     )  # fmt: skip
     detail(f"{plan.batch.name}: {len(plan.runs):,} runs into {folder}")
     with Bars() as bars, _BatchBars(plan) as shown:
@@ -134,6 +140,11 @@ def batch(
             print(f"{plan.runs[id].folder}: {failure['task']}: {failure['message']}", file=sys.stderr)
         print(f"{len(outcome.failures)} of {len(plan.runs)} runs failed", file=sys.stderr)
         sys.exit(1)
+
+
+def _size_of(scenario: Scenario) -> tuple[int, str]:
+    """Return what decides about the device of a run: how many avatars it has, and how they find opponents."""
+    return scenario.avatar_count, scenario.opponents.search
 
 
 def _read_batch(files: list[str], seeds: str | None, sweeps: list[str]) -> Batch:

@@ -49,6 +49,13 @@ Host = Annotated[
 ]
 NoOpen = Annotated[bool, typer.Option("--no-open", help="Do not open the browser.")]
 Force = Annotated[bool, typer.Option("--force", help="Do it again although it is done.")]
+Device = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="Where control runs: cpu, cuda, or auto for a GPU where a crowd is large; results never depend on it.",
+    ),
+]
 Search = Annotated[
     str | None,
     typer.Option(

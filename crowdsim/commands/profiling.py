@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from crowdsim.commands.common import Force, Json, Mocap, Search, complete_scenario, print_json
+from crowdsim.commands.common import Device, Force, Json, Mocap, Search, complete_scenario, print_json
 from crowdsim.commands.progress import Bars
 from crowdsim.errors import CrowdsimError
 
@@ -32,6 +32,7 @@ def profile(
         typer.Option(metavar="N", help="Control frames to measure, or seconds as in 20s; the scenario's duration."),
     ] = None,
     search: Search = None,
+    device: Device = "cpu",
     as_json: Json = False,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for profile.csv, profile.png and scaling.png.")
@@ -45,6 +46,7 @@ def profile(
     """Measure what control costs a frame, by stage, for any number of avatars and threads."""
     from crowdsim.compilation import watch_compilation
     from crowdsim.crowd import profiling
+    from crowdsim.crowd.cuda.device import choose_device
     from crowdsim.crowd.profile import profile_table
     from crowdsim.crowd.profile_files import draw_profile, draw_scaling, write_csv
     from crowdsim.preparation.prepare import load_policies
@@ -57,6 +59,7 @@ def profile(
     if trace and out is None:
         raise CrowdsimError("--trace needs a folder to write into, expected --out DIR")
     loaded = load_scenario(scenario, override or (), frames=frames, search=search)
+    choose_device(device, max(counts or [loaded.avatar_count]), loaded.opponents.search)
     with ExitStack() as stack:
         place = None
         if out is not None:
@@ -67,8 +70,8 @@ def profile(
             place = stack.enter_context(write_together(out, wanted, force=force)).folder
         with Bars() as bars, watch_compilation(bars.note):
             policies = load_policies(loaded, mocap, max(numbers), bars)
-            profiles = profiling.profile_scenario(loaded, policies, counts, numbers, progress=bars)
-        seconds = _time_writing(loaded, max(numbers)) if writing else None
+            profiles = profiling.profile_scenario(loaded, policies, counts, numbers, progress=bars, device=device)
+        seconds = _time_writing(loaded, max(numbers), device) if writing else None
         if place is not None:
             first = profiles[0]
             write_csv(place / "profile.csv", first.timings, first.avatars)
@@ -85,11 +88,11 @@ def profile(
         print("\na whole run: " + ", ".join(f"{stage} {value:.2f} s" for stage, value in seconds.items()))
 
 
-def _time_writing(scenario: Scenario, threads: int) -> dict[str, float]:
+def _time_writing(scenario: Scenario, threads: int, device: str) -> dict[str, float]:
     """Return what a run of the scenario spends on control and on each thing that it writes [s]; nothing is kept."""
     from crowdsim.runs.runner import run_to
 
     with tempfile.TemporaryDirectory() as folder:
         started = time.perf_counter()
-        report = run_to(Path(folder) / "run", scenario, threads)
+        report = run_to(Path(folder) / "run", scenario, threads, device=device)
         return {**report.seconds, "total": time.perf_counter() - started}

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from crowdsim.commands.common import (
+    Device,
     Force,
     Json,
     Mocap,
@@ -51,6 +52,7 @@ def run(
         float | None, typer.Option(metavar="F", help="Share of every group's avatars, 0.01 say.")
     ] = None,
     search: Search = None,
+    device: Device = "cpu",
     mocap: Mocap = None,
     force: Force = False,
     as_json: Json = False,
@@ -77,7 +79,7 @@ def run(
             folder = Path("output") / scenario.name if out is None else out / scenario.name if several else out
             detail(f"{scenario.name}: {scenario.avatar_count:,} avatars, {threads} threads, into {folder}")
             with Bars() as bars:
-                report = run_to(folder, scenario, threads, mocap, force, command, bars, bars.note, more=more)
+                report = run_to(folder, scenario, threads, mocap, force, command, bars, bars.note, None, more, device)
             if as_json:
                 documents.append(_describe_report(scenario.name, report))
             elif not talk.quiet:

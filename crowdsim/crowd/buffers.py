@@ -8,7 +8,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Model, Record
-from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.layout import BLOCK, LANES
 from crowdsim.crowd.kernels.records import NEIGHBOUR, SITUATION, STRIKE
 
 
@@ -71,7 +71,7 @@ def empty_strikes(count: int) -> Array:
 
 def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
     """Return scratch space for the states of a model, for some neighbours, and for a batch."""
-    lanes, block = layout.LANES, min(layout.BLOCK, batch)
+    lanes, block = LANES, min(BLOCK, batch)
     width = -(-int(np.diff(model.offsets).max()) // lanes) * lanes
     behaviours = int(np.diff(model.policies["behaviours"]).max())
     rows = int(np.diff(model.actions["paths"][model.offsets]).max()) + lanes

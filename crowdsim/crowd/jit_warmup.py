@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from crowdsim.core.types import Progress
 from crowdsim.crowd.arrays import Model
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.simulation import SMALL, Simulation, crowd_model
@@ -17,13 +18,21 @@ _FRAMES = (1, 2)
 """Control frames of the chunks that they run; in the first one no avatar moves."""
 
 
-def warm_up(crowd: Crowd, search: str = "auto", profiled: bool = False) -> Model:
+def warm_up(
+    crowd: Crowd,
+    search: str = "auto",
+    profiled: bool = False,
+    device: str = "cpu",
+    progress: Progress | None = None,
+) -> Model:
     """Compile or load every kernel that a simulation needs, by a few of its avatars; return its model.
 
     Args:
         crowd: The crowd.
         search: How nearest opponents are found.
         profiled: Whether the time of every stage is taken.
+        device: Where the simulation runs, ``cpu`` or ``cuda``.
+        progress: Called with stage, done and total while kernels are compiled for a GPU.
     """
     few = replace(first_avatars(crowd, _FEW), changes=(), until=None, pre_roll=0)
     searches = [search]
@@ -31,9 +40,11 @@ def warm_up(crowd: Crowd, search: str = "auto", profiled: bool = False) -> Model
         # One frame is run stage by stage where some enter later, and all frames where there are many.
         searches = ["kd_tree"] if crowd.count > SMALL else ["auto", "kd_tree"] if crowd.changes else ["auto"]
         searches += ["auto"] if crowd.count > SMALL and int(np.count_nonzero(crowd.present)) <= SMALL else []
+    if device == "cuda":
+        searches = ["kd_tree"]
     model = crowd_model(crowd)
     for one in searches:
-        simulation = Simulation(few, 1, one, profiled=profiled, model=model)
+        simulation = Simulation(few, 1, one, profiled=profiled, model=model, device=device, compiling=progress)
         try:
             for frames in _FRAMES:
                 simulation.run(frames)

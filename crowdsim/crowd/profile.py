@@ -14,6 +14,7 @@ import numpy as np
 from crowdsim.compilation import watch_compilation
 from crowdsim.core.types import Array, Progress
 from crowdsim.crowd.chunk import STAGES
+from crowdsim.crowd.cuda.device import choose_device
 from crowdsim.crowd.jit_warmup import warm_up
 from crowdsim.crowd.simulation import Simulation
 
@@ -42,6 +43,7 @@ class Profile:
     Attributes:
         avatars: Number of avatars.
         threads: Threads.
+        device: Where control ran, ``cpu`` or ``cuda``.
         search: How nearest opponents were found: ``direct``, ``kd_tree`` or ``scipy``; several, joined by ``, ``, where
             the number of avatars passed the limit of ``auto``.
         timings: Time of each of ``STAGES`` [ns]. Shape (frames, 6), int64.
@@ -53,6 +55,7 @@ class Profile:
 
     avatars: int
     threads: int
+    device: str
     search: str
     timings: Array
     whole: int
@@ -101,6 +104,7 @@ def profile_crowd(
     threads: int = 1,
     search: str = "auto",
     progress: Progress | None = None,
+    device: str = "cpu",
 ) -> Profile:
     """Run a crowd for what it costs; what it does is thrown away.
 
@@ -110,10 +114,12 @@ def profile_crowd(
         threads: Threads for large crowds.
         search: How nearest opponents are found, one of ``scenario.groups.SEARCHES``.
         progress: Called with ("control", frames done, frames).
+        device: Where control runs, one of ``cuda.device.DEVICES``.
     """
+    device = choose_device(device, crowd.count, search)
     with watch_compilation() as compilation:
-        model = warm_up(crowd, search, profiled=True)
-        profile = _measure(crowd, frames, threads, search, model, progress)
+        model = warm_up(crowd, search, True, device, progress)
+        profile = _measure(crowd, frames, threads, search, model, progress, device)
     return replace(profile, compiling=round(compilation.seconds * 1e9))
 
 
@@ -124,9 +130,10 @@ def _measure(
     search: str,
     model: Model,
     progress: Progress | None,
+    device: str,
 ) -> Profile:
     """Run a crowd whose kernels are ready."""
-    simulation = Simulation(crowd, threads, search, profiled=True, model=model)
+    simulation = Simulation(crowd, threads, search, profiled=True, model=model, device=device)
     size = min(max(1_000_000 // max(crowd.count, 1), 1), 256)
     parts = []
     whole = 0
@@ -144,7 +151,8 @@ def _measure(
     return Profile(
         avatars=crowd.count,
         threads=threads,
-        search=", ".join(simulation.searches),
+        device=device,
+        search="kd_tree" if device == "cuda" else ", ".join(simulation.searches),
         timings=np.concatenate(parts),
         whole=whole,
         compiling=0,
@@ -156,8 +164,8 @@ def _measure(
 def profile_table(profile: Profile) -> str:
     """Return a profile as a table for people."""
     lines = [
-        f"{profile.avatars} avatars, {len(profile.timings)} control frames, threads: {profile.threads}, "
-        f"search: {profile.search}"
+        f"{profile.avatars} avatars, {len(profile.timings)} control frames, device: {profile.device}, "
+        f"threads: {profile.threads}, search: {profile.search}"
     ]
     lines.append(f"{'stage':<10}{'mean':>10}{'p50':>10}{'p95':>10}{'p99':>10}{'max':>10}  {'ns/avatar-frame':>16}")
     for cost in profile.costs:
@@ -174,5 +182,7 @@ def profile_verdict(profile: Profile) -> str:
     """Return what a profile comes to: ``12,000 times real time on one thread``."""
     times = profile.times_real_time
     number = f"{float(f'{times:.2g}'):,.0f}" if times >= 10 else f"{times:.1f}"
-    threads = "one thread" if profile.threads == 1 else f"{profile.threads} threads"
-    return f"{number} times real time on {threads}"
+    where = "one thread" if profile.threads == 1 else f"{profile.threads} threads"
+    if profile.device == "cuda":
+        where = "a GPU"
+    return f"{number} times real time on {where}"

@@ -86,6 +86,7 @@ def profile_scenario(
     threads: Sequence[int],
     frames: int | None = None,
     progress: Progress | None = None,
+    device: str = "cpu",
 ) -> list[Profile]:
     """Return what control costs for every number of avatars and threads.
 
@@ -96,6 +97,7 @@ def profile_scenario(
         threads: Numbers of threads.
         frames: Control frames to measure; the scenario's duration when None.
         progress: Called with stage, done and total.
+        device: Where control runs, one of ``cuda.device.DEVICES``.
     """
     from crowdsim.crowd.draw import draw_crowd
     from crowdsim.crowd.profile import profile_crowd
@@ -113,6 +115,7 @@ def profile_scenario(
                     number,
                     sized.opponents.search,
                     progress=progress and _named(progress, f"{count} avatars, {number} thread{'s'[: number != 1]}"),
+                    device=device,
                 )
             )
     return found
@@ -130,6 +133,7 @@ def describe(profile: Profile) -> dict[str, Any]:
     return {
         "avatars": profile.avatars,
         "threads": profile.threads,
+        "device": profile.device,
         "search": profile.search,
         "frames": len(profile.timings),
         "stages": {cost.stage: {k: v for k, v in asdict(cost).items() if k != "stage"} for cost in profile.costs},

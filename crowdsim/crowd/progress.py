@@ -160,6 +160,13 @@ class Agenda:
                 most = min(most, max(when.frame - frame, 1))
         return most
 
+    def is_quiet(self, frame: int) -> bool:
+        """Whether nothing can happen in a control frame, whatever avatars have done."""
+        if self._until is not None or self.waiting or self.expected or self.standing:
+            return False
+        whens = (self._changes[number].when for number in self.pending)
+        return all(isinstance(when, AtFrame) and when.frame > frame for when in whens)
+
     @property
     def waits_for_strikes(self) -> bool:
         """Whether something may happen because of a strike."""

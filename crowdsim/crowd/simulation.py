@@ -7,7 +7,7 @@ stage shared out among threads. Both give the same bytes, for any number of thre
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ from crowdsim.crowd.buffers import empty_record, empty_scratch, empty_strikes
 from crowdsim.crowd.chunk import STAGES, Chunk, Frame, events_of
 from crowdsim.crowd.cohorts import cohort_columns
 from crowdsim.crowd.crowd import Crowd, build_avatars, enter
+from crowdsim.crowd.cuda.device import choose_device
 from crowdsim.crowd.entering import (
     AGAIN,
     Arrival,
@@ -52,6 +53,7 @@ from crowdsim.places.arrays import build_places
 from crowdsim.scenario.groups import SEARCHES
 
 if TYPE_CHECKING:
+    from crowdsim.crowd.cuda.stages import CudaStages
     from crowdsim.crowd.explaining import Decision
     from crowdsim.crowd.value_map import ValueMap
 
@@ -81,14 +83,18 @@ class Simulation:
         order: Number of the avatar in each slot at the start; it changes no result. Shape (N,).
         profiled: Take the time of every stage.
         model: Arrays of the crowd's policies; built when None.
+        device: Where control runs, one of ``cuda.device.DEVICES``; it changes no result.
+        compiling: Called with stage, done and total while kernels are compiled for a GPU.
 
     Attributes:
         searches: What has found them so far, in this order: ``direct``, ``kd_tree`` or ``scipy``. With ``auto`` it is
-            ``direct`` in frames with up to ``SMALL`` avatars, the tree in others.
+            ``direct`` in frames with up to ``SMALL`` avatars, the tree in others. A GPU always searches its tree, and
+            notes what the processor would have done, so that their checkpoints are equal.
 
     Raises:
         RunError: The policies do not go together, the crowd has none or weights of fewer behaviours than one has, a
             position is not finite, or ``search`` is unknown.
+        DeviceError: ``device`` is unknown or missing, or cannot search like that.
     """
 
     def __init__(
@@ -99,6 +105,8 @@ class Simulation:
         order: Array | None = None,
         profiled: bool = False,
         model: Model | None = None,
+        device: str = "cpu",
+        compiling: Callable[[str, int, int], None] | None = None,
     ) -> None:
         if not isinstance(crowd, Crowd) or not len(crowd.policies):
             what = "a crowd without policies" if isinstance(crowd, Crowd) else f"a {type(crowd).__name__}"
@@ -121,14 +129,25 @@ class Simulation:
         self.outcome: Outcome | None = None
         self._workers = Workers(threads)
         self._search = search
-        self._index: Index = build_index(search, self._workers)
+        self._gpu: CudaStages | None = None
+        self._index: Index
+        self._stages: Stages | CudaStages
+        self.device = choose_device(device, crowd.count, search)
+        if self.device == "cuda":
+            from crowdsim.crowd.cuda.stages import CudaStages, SortingIndex
+
+            index = SortingIndex(self._workers)
+            self._gpu = CudaStages(crowd, self.model, self.avatars, index, self._workers, compiling)
+            self._index, self._stages = index, self._gpu
+        else:
+            self._index = build_index(search, self._workers)
+            self._stages = Stages(crowd, self.model, self.avatars, self._index, self._workers)
         self.searches: list[str] = []
         self._profiled = profiled
         self._fresh = np.arange(self.present, dtype=np.int32)
         # Where a target that is dragged goes is known one frame at a time.
         self._follows_keys = any(isinstance(path, KeyPath) for path in crowd.targets)
         self._lingers = 0 if crowd.until is None else round(crowd.until.lingers * self.rate)
-        self._stages = Stages(crowd, self.model, self.avatars, self._index, self._workers)
         self._scratch = empty_scratch(self.model, crowd.crowding.most, min(SMALL, max(crowd.count, 1)))
         self._world = World(
             weights=np.array(crowd.weights, dtype=float),
@@ -143,9 +162,10 @@ class Simulation:
         )
         self._agenda = Agenda(crowd, Progress(crowd, self.avatars, self._world))
         if crowd.pre_roll and self.present:
-            with Simulation(on_guard(crowd), threads, search, model=self.model) as rolled:
+            with Simulation(on_guard(crowd), threads, search, model=self.model, device=self.device) as rolled:
                 rolled.avatars.fight["rested"] = np.inf  # strikes cost everyone as much as after a burst
                 rolled.run(crowd.pre_roll)
+                rolled.fetch()
             self._fresh = take_over(self.avatars, rolled.avatars, self.present)
         if len(crowd.parts):
             confine_all(self.model, self.avatars, self._world, 0, self.present)
@@ -192,6 +212,11 @@ class Simulation:
         path.add(self.frame, (x, y, z))
         return self.frame
 
+    def fetch(self) -> None:
+        """Make ``avatars`` valid, which are elsewhere between frames on a GPU; they may be changed then."""
+        if self._gpu is not None:
+            self._gpu.fetch()
+
     def explain(self) -> list[Decision]:
         """Return the decisions of the next control frame, in the order of avatars, without going on."""
         from crowdsim.crowd.explaining import explain_frame
@@ -199,6 +224,7 @@ class Simulation:
         if self.is_over:
             return []
         self._apply_events()
+        self.fetch()
         world, moves = self._world_at(self.frame - 1, 2), not self._is_rolled_in
         return explain_frame(self.crowd, self.model, self.avatars, world, self._now, self._fresh, moves)
 
@@ -212,6 +238,7 @@ class Simulation:
 
         if not 0 <= number < self.crowd.count:
             raise ValueError(f"avatar {number} is not in the crowd, expected 0 to {self.crowd.count - 1}")
+        self.fetch()
         if self.avatars.slot_of[number] >= self.present:
             return None
         return map_values(self.crowd, self.model, self.avatars, self._world_at(self.frame, 2), number)
@@ -222,6 +249,7 @@ class Simulation:
 
     def state(self) -> dict[str, Array]:
         """Return all that decides how the simulation goes on, see ``state.read_state``."""
+        self.fetch()
         return read_state(self)
 
     def restore(self, state: Mapping[str, Array]) -> None:
@@ -230,6 +258,7 @@ class Simulation:
         Raises:
             ValueError: The state is of another crowd.
         """
+        self.fetch()
         write_state(self, state)
 
     def arrivals_text(self) -> str:
@@ -329,13 +358,15 @@ class Simulation:
     def _run_small(self, rows: Record, timings: Array) -> tuple[int, Array]:
         """Run as many frames as there are rows, or as there is room for strikes, in one compiled call."""
         frames, present = len(rows.action), self.present
-        world = self._world_at(self.frame - 1, frames + 1)
-        strikes = empty_strikes(16 * present + present * frames // 2)
         fresh, still = self._fresh, self._is_rolled_in or len(self._fresh) == present
         if len(fresh) and not still:
             # Avatars that have just entered decide before the others move.
             return self._run_stages(rows.rows(0, 1), timings[:1])
         self._note_search("direct")
+        if self._gpu is not None:
+            return self._run_frame(rows.rows(0, 1), timings[:1])
+        world = self._world_at(self.frame - 1, frames + 1)
+        strikes = empty_strikes(16 * present + present * frames // 2)
         ran, held, lost = run_frames(
             self.model, self.avatars, world, self._now, frames, still, fresh, self._scratch, rows, strikes, timings
         )
@@ -348,6 +379,10 @@ class Simulation:
     def _run_stages(self, rows: Record, timings: Array) -> tuple[int, Array]:
         """Run one frame, each stage shared out among threads."""
         self._note_search("scipy" if self._search == "scipy" else "kd_tree")
+        return self._run_frame(rows, timings)
+
+    def _run_frame(self, rows: Record, timings: Array) -> tuple[int, Array]:
+        """Run one frame stage by stage."""
         fresh, self._fresh = self._fresh, self._fresh[:0]
         world, moves = self._world_at(self.frame - 1, 2), not self._is_rolled_in
         thrown = self._stages.run(world, self._now, fresh, rows, timings, moves)
@@ -381,6 +416,8 @@ class Simulation:
             return
         self._changed_at = self.frame
         progress = self._agenda.progress
+        if len(self.avatars.conditions) or not self._agenda.is_quiet(self.frame):
+            self.fetch()
         progress.frame, progress.present, progress.ended = self.frame, self.present, self.outcome is not None
         if len(self.avatars.conditions):
             # Those leave that are out and whose policies have no falls.
@@ -489,6 +526,7 @@ class Simulation:
 
     def find_place(self, number: int, x: float, z: float) -> Array | None:
         """Return where an avatar would be put now that is moved to a point [m], see ``entering.find_place``."""
+        self.fetch()
         point = np.array([x, z])
         return find_place(self.crowd, self._world.places, self.avatars, self.present, number, point, self.frame)
 

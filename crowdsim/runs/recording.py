@@ -73,8 +73,8 @@ def record(
     avatars, frames = crowd.count, crowd.frames
     size, step = chunk_frames(avatars, run.scenario.outputs.take.chunk), max(1, _STEP_AVATAR_FRAMES // avatars)
     timings: list[Array] = []
-    model = warm_up(crowd, search, profiled)
-    with Simulation(crowd, run.threads, search, run.order, profiled, model) as simulation:
+    model = warm_up(crowd, search, profiled, run.device, run.advance)
+    with Simulation(crowd, run.threads, search, run.order, profiled, model, run.device) as simulation:
         if begun is not None:
             _restore(simulation, begun, run.work)
             timings += [] if begun.timings is None else [begun.timings]

@@ -121,6 +121,7 @@ class Run:
         command: The command, for the manifest.
         more: What a finished run is extended by, see ``runner.run_to``.
         order: Number of the avatar in each slot of storage at the start, which changes no result. Shape (N,).
+        device: Where control runs, ``cpu`` or ``cuda``.
         policy_folders: Where its policies were found, by name.
         caught: The signal that asks the run to stop, once it has come.
         report: What has been done.
@@ -137,6 +138,7 @@ class Run:
     command: str = ""
     more: tuple[float, bool] | None = None
     order: Array | None = None
+    device: str = "cpu"
     policy_folders: dict[str, str] = field(default_factory=dict)
     caught: list[int] = field(default_factory=list)
     report: Report = field(init=False)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from crowdsim import assets
 from crowdsim.compilation import watch_compilation
 from crowdsim.core.types import Array, FileName, Progress
+from crowdsim.crowd.cuda.device import choose_device
 from crowdsim.errors import CrowdsimError, OutputError, RunError, ScenarioError, TakeError, under_way
 from crowdsim.files import copy_plain, exists_plain, is_folder, remove_plain, walk, write_plain
 from crowdsim.machine import peak_memory
@@ -61,6 +62,7 @@ def run(
     mocap: FileName | None = None,
     order: Array | None = None,
     progress: Progress | None = None,
+    device: str = "cpu",
 ) -> RecordedRun:
     """Run a scenario in memory and return its take; nothing is written but policies that had to be trained.
 
@@ -73,10 +75,12 @@ def run(
         mocap: Folder of capture for policies that are trained from it.
         order: Number of the avatar in each slot of storage at the start, which changes no result. Shape (N,).
         progress: Called with stage, done and total.
+        device: Where control runs: ``cpu``, ``cuda``, or ``auto`` for a GPU where a crowd is large and there is one.
 
     Raises:
         ScenarioError: Not all avatars fit, or behaviours are weighed that are not learned.
         PolicyError: A bundle is foreign or damaged, or capture for it is missing.
+        DeviceError: The device is unknown or missing.
         RunError: The run failed.
     """
     from crowdsim.crowd.obstacles import pack_obstacles
@@ -84,7 +88,8 @@ def run(
     from crowdsim.take.memory import TakeCollector
 
     check_loaded(scenario)
-    one = Run(scenario, threads, mocap, progress, order=order)
+    device = choose_device(device, scenario.avatar_count, scenario.opponents.search)
+    one = Run(scenario, threads, mocap, progress, order=order, device=device)
     if policies is None:
         check_scenario(scenario)
     crowd = _draw(one, policies)
@@ -117,6 +122,7 @@ def run_to(
     notify: Callable[[str], None] | None = None,
     policies: Sequence[Policy] | None = None,
     more: tuple[float, bool] | None = None,
+    device: str = "cpu",
 ) -> Report:
     """Run a scenario into a folder: take, outputs, and the manifest last.
 
@@ -139,8 +145,10 @@ def run_to(
         policies: Policies of a scenario that has been checked; found, and trained if need be, when None.
         more: Control frames that a finished run is extended by, or seconds, and whether they are seconds. Until
             ``forget_extension``, which follows the report of its end, the same call does not extend the run again.
+        device: Where control runs, see ``run``; no file but the manifest depends on it.
 
     Raises:
+        DeviceError: The device is unknown or missing.
         ScenarioError: Not all avatars fit, or behaviours are weighed that are not learned.
         PolicyError: A bundle is foreign or damaged, or capture for it is missing.
         OutputError: The folder cannot be used.
@@ -148,7 +156,8 @@ def run_to(
         Interrupted: SIGINT or SIGTERM came; the take holds the frames that were done, and the same call goes on.
     """
     check_loaded(scenario)
-    one = Run(scenario, threads, mocap, progress, notify, Path(folder), force, command, more)
+    device = choose_device(device, scenario.avatar_count, scenario.opponents.search)
+    one = Run(scenario, threads, mocap, progress, notify, Path(folder), force, command, more, device=device)
     complete_alone(one.folder)
     if check_folder(one.folder, dump_scenario(scenario), force, more) is Held.RUN:
         return _done_before(one)
@@ -397,6 +406,7 @@ def _manifest(one: Run, crowd: Crowd, origin: Origin) -> dict[str, Any]:
         "seed": one.scenario.seed,
         "command": one.command,
         "threads": one.threads,
+        "device": one.device,
         "avatars": crowd.count,
         "control_frames": report.statistics.control_frames if report.statistics else crowd.frames,
         "outcome": report.outcome,

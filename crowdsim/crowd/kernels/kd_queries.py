@@ -229,6 +229,25 @@ def observe(tree, due, skipped, opponent, slot_of, reach, observed):
 
 
 @kernel(inline=True)
+def observe_alone(tree, own, skip, guess, reach, out_points, out_distances, stack, far):
+    """Find the nearest opponent and the neighbours within ``reach`` of one point, as ``observe`` does.
+
+    ``guess`` is the slot of the opponent so far, or negative. ``out_distances``, ``stack`` and ``far`` (64,) are
+    scratch space. Returns the opponent, -1 for none, and how many neighbours are listed.
+    """
+    query = Query(tree.xs[own], tree.zs[own], own, skip)
+    listed = gather(tree, query, reach * reach, out_points, out_distances, stack)
+    if skip == -2:
+        return -1, listed
+    for n in range(listed):  # nearest first, lower numbers first among equals
+        if tree.team[out_points[n]] != skip and tree.team[out_points[n]] >= 0:
+            return np.int64(out_points[n]), listed
+    best, found = _take_guess(tree, query, guess, math.inf, -1)
+    best, found = _nearest(tree, query, best, found, stack, far)
+    return np.int64(found), listed
+
+
+@kernel(inline=True)
 def _around(boxes, node, reach):
     """Return the window within ``reach`` of a node's box, along each axis."""
     return Window(boxes[node, 0] - reach, boxes[node, 1] + reach, boxes[node, 2] - reach, boxes[node, 3] + reach)

@@ -122,14 +122,20 @@ def fit_leaves(tree, first, last):
 @kernel(allocates=False)
 def fit_nodes(tree):
     """Bound every inner node by its two children, leaves first."""
-    boxes, teams = tree.boxes, tree.box_teams
     for node in range((1 << tree.depth) - 1, 0, -1):
-        a, b = 2 * node, 2 * node + 1
-        boxes[node, 0] = min(boxes[a, 0], boxes[b, 0])
-        boxes[node, 1] = max(boxes[a, 1], boxes[b, 1])
-        boxes[node, 2] = min(boxes[a, 2], boxes[b, 2])
-        boxes[node, 3] = max(boxes[a, 3], boxes[b, 3])
-        teams[node] = teams[a] if teams[a] == teams[b] else -1
+        fit_node(tree, node)
+
+
+@kernel(inline=True)
+def fit_node(tree, node):
+    """Bound an inner node by its two children."""
+    boxes, teams = tree.boxes, tree.box_teams
+    a, b = 2 * node, 2 * node + 1
+    boxes[node, 0] = min(boxes[a, 0], boxes[b, 0])
+    boxes[node, 1] = max(boxes[a, 1], boxes[b, 1])
+    boxes[node, 2] = min(boxes[a, 2], boxes[b, 2])
+    boxes[node, 3] = max(boxes[a, 3], boxes[b, 3])
+    teams[node] = teams[a] if teams[a] == teams[b] else -1
 
 
 @kernel(allocates=False)
