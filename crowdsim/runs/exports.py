@@ -1,32 +1,37 @@
-"""Exports of a run that was written before: all of them appear together, when they are whole."""
+"""Outputs of a take: those of a run in progress, and exports and reports of one that was written before."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from pydantic import ValidationError
 
 from crowdsim.config.schema import join
-from crowdsim.core.types import Array, Progress
-from crowdsim.errors import CrowdsimError, nearest
-from crowdsim.export.posed import PosedOutput, extent_of, write_posed
-from crowdsim.files import is_folder, move_plain, walk
+from crowdsim.core.types import Progress
+from crowdsim.errors import CrowdsimError, TakeError, nearest
+from crowdsim.export.posed import FinishedTake, PosedOutput, extent_of, file_names
+from crowdsim.export.select import parse_avatars
+from crowdsim.files import exists_plain, is_folder, move_plain, walk
+from crowdsim.outputs.report import ReportOutput
+from crowdsim.runs.folder import RESOLVED, place_of, read_resolved
 from crowdsim.runs.manifest import EXPORT
 from crowdsim.runs.provenance import sources_hash
 from crowdsim.runs.stage import Wanted, planned_files, write_together
 from crowdsim.scenario.frame_ranges import parse_frames
-from crowdsim.scenario.output import FPS
+from crowdsim.scenario.output import FPS, Output
 from crowdsim.scenario.outputs import REGISTRY
 from crowdsim.scenario.rates import parse_rate
 
 if TYPE_CHECKING:
-    from crowdsim.policy.policy import Policy
+    from crowdsim.runs.recorded import RecordedRun
     from crowdsim.take.take import Take
+
+_Kind = TypeVar("_Kind", bound=Output)
 
 EXPORTS: dict[str, type[PosedOutput]] = {
     name: output for name, output in REGISTRY.items() if issubclass(output, PosedOutput)
@@ -56,8 +61,6 @@ def choose_outputs(
         TakeError: Avatars or frames are asked for that the take does not have.
         CrowdsimError: Nothing is chosen, there is no such output, or none of them has a key or takes its value or rate.
     """
-    from crowdsim.export.select import parse_avatars
-
     if not kinds:
         raise CrowdsimError(f"nothing to export, expected {_options(EXPORTS)}")
     for kind in kinds:
@@ -80,13 +83,8 @@ def choose_outputs(
             )
     chosen = []
     for output in map(EXPORTS.__getitem__, kinds):
-        try:
-            own = {key: _listed(output, key, value) for key, value in more.items() if key in output.model_fields}
-            wanted = output.model_validate({**given, **own})
-        except ValidationError as error:
-            found = error.errors()[0]
-            where, why = ".".join(map(str, found["loc"])), found.get("ctx", {}).get("error", found["msg"])
-            raise CrowdsimError(f"{output.name}: {where}{': ' if where else ''}{why}") from None
+        own = {key: _listed(output, key, value) for key, value in more.items() if key in output.model_fields}
+        wanted = _checked(output, {**given, **own})
         chosen.append(wanted.named(lambda name: None, getattr(take, "cameras", {})))
     return chosen
 
@@ -101,53 +99,102 @@ def _options(kinds: Iterable[str]) -> str:
     return join([f"--{kind}" for kind in kinds])
 
 
-def export_take(
-    folder: Path,
-    take: Take,
-    policies: Sequence[Policy],
-    outputs: Sequence[PosedOutput],
-    out: Path | None = None,
+def choose_report(
+    run: RecordedRun, avatars: str | None, frames: str | None, fps: float | None, player: bool
+) -> ReportOutput:
+    """Return a report that a user chooses; arguments and errors as of ``choose_outputs``, but for the default rate.
+
+    Args:
+        run: The run.
+        avatars: Avatars that the player shows.
+        frames: Output frames of the player.
+        fps: Frames a second of the player; those of the scenario when None.
+        player: Whether the report has the player.
+    """
+    rate = fps or run.fps
+    given: dict[str, Any] = {"fps": rate, "player": player, "avatars": parse_avatars(avatars, run.cast)}
+    if frames is not None:
+        given["frames"] = parse_frames(frames).resolve(run.output_frames(rate), rate)
+    return _checked(ReportOutput, given)
+
+
+def _checked(output: type[_Kind], keys: Mapping[str, Any]) -> _Kind:
+    try:
+        return output.model_validate(keys)
+    except ValidationError as error:
+        found = error.errors()[0]
+        where, why = ".".join(map(str, found["loc"])), found.get("ctx", {}).get("error", found["msg"])
+        raise CrowdsimError(f"{output.name}: {where}{': ' if where else ''}{why}") from None
+
+
+def write_again(
+    run: RecordedRun,
+    outputs: Sequence[Output],
+    out: Path,
     threads: int = 1,
     progress: Progress | None = None,
     force: bool = False,
-    obstacles: Array | None = None,
 ) -> dict[str, list[Path]]:
-    """Export a run's take again; return the files of each output.
+    """Write outputs of a finished run from its take; return the files of each.
 
-    What an interrupted export has finished is kept for the same export, and removed by another one. In the run's own
-    folder, exports take the place of those of their kind; in another one only with ``force``.
+    What an interrupted command has finished is kept for the same one, and removed by another. In the run's own folder,
+    files take the place of those of their kind; in another one only with ``force``.
 
     Args:
-        folder: The run folder.
-        take: Its take.
-        policies: Its policies.
-        outputs: What to export (``choose_outputs``).
-        out: Another folder for the folders of the outputs.
-        threads: Threads.
+        run: The run.
+        outputs: What to write (``choose_outputs``, ``choose_report``).
+        out: Folder for the files, the run's or another one.
+        threads: Threads; the files do not depend on them.
         progress: Called with stage, done and total.
-        force: Whether to do it again although it is done, and to replace exports in another folder.
-        obstacles: Obstacles of its scenario, whose doors open by seconds. Shape (n,), ``PART``.
+        force: Whether to do it again although it is done, and to replace files in another folder.
 
     Raises:
-        TakeError: The manifest is damaged.
+        TakeError: The manifest is damaged, or a report is wanted and the scenario cannot be read, which it shows.
         OutputError: A folder cannot be made or is in use, or holds other files of these names.
-        CrowdsimError: An output does not fit the policies.
+        CrowdsimError: An output does not fit the policies, or a page would be too large.
         RunError: A file cannot be written.
     """
+    for output in outputs:
+        for finding in output.findings_with(run.policies):
+            raise CrowdsimError(f"{output.name}: {finding}")
+    folder, names, made_from = run.folder or out, run.cast.names.tolist(), {"take": take_mark(run)}
+    if any(isinstance(output, ReportOutput) for output in outputs):
+        made_from["of"] = read_resolved(place_of(folder))
+        if not made_from["of"]:
+            raise TakeError(f"{folder / RESOLVED}: cannot be read, and the report shows it")
+    wanted = _wanted(outputs, planned_files(outputs, extent_of(run), names, run.scenario), made_from)
+    with write_together(out, wanted, folder, force, threads) as writing:
+        if not writing.done:
+            write_outputs(run.outputs_in(writing.folder, threads, progress, made_from.get("of", "")), outputs)
+    found = {output.name: file_names(output, extent_of(run), names) for output in outputs}
+    # Avatars that never came have no file.
+    return {kind: [out / name for name in files if exists_plain(out, name)] for kind, files in found.items()}
+
+
+def write_outputs(
+    done: FinishedTake, outputs: Sequence[Output], lap: Callable[[str], None] = lambda stage: None
+) -> dict[str, Sequence[Path]]:
+    """Write what is missing of outputs of a take; return the files of each that has some, by their label.
+
+    Args:
+        done: The take, and where its outputs go.
+        outputs: The outputs.
+        lap: Called with the name of each stage when it is over.
+    """
+    from crowdsim.export.posed import write_posed
     from crowdsim.poses.sampler import PoseSampler
 
+    found: dict[str, Sequence[Path]] = {}
+    posed = [output for output in outputs if isinstance(output, PosedOutput)]
+    if posed:
+        sampler = PoseSampler(done.take, done.policies, done.threads, obstacles=done.obstacles)
+        found |= write_posed(sampler, done.folder, posed, done.threads, done.progress)
+        lap("export")
     for output in outputs:
-        for finding in output.findings_with(policies):
-            raise CrowdsimError(f"{output.name}: {finding}")
-    place, kinds = out or folder, [output.name for output in outputs]
-    files = planned_files(outputs, extent_of(take), take.cast.names.tolist(), take.scenario)
-    with write_together(place, _wanted(outputs, files, {"take": take_mark(take)}), folder, force, threads) as writing:
-        if writing.done:
-            written = {kind: [path for path in writing.done if path.parent.name == kind] for kind in kinds}
-        else:
-            sampler = PoseSampler(take, policies, threads, obstacles=obstacles)
-            written = write_posed(sampler, writing.folder, outputs, threads, progress)
-    return {kind: [place / kind / path.name for path in files] for kind, files in written.items()}
+        if not isinstance(output, PosedOutput) and (files := output.write(done)):
+            found[output.label or output.name] = files
+            lap(output.stage)
+    return {kind: files for kind, files in found.items() if files}
 
 
 def adopt_exports(folder: Path, apart: Path, outputs: Sequence[PosedOutput], threads: int = 1) -> None:
@@ -177,7 +224,7 @@ def adopt_exports(folder: Path, apart: Path, outputs: Sequence[PosedOutput], thr
                 move_plain(apart, name, writing.folder)
 
 
-def _wanted(outputs: Sequence[PosedOutput], files: set[str], made_from: dict[str, Any]) -> Wanted:
+def _wanted(outputs: Sequence[Output], files: set[str], made_from: dict[str, Any]) -> Wanted:
     asked = {output.name: output.model_dump(mode="json", exclude_none=True) for output in outputs}
     return Wanted(EXPORT, asked, files, made_from, list(asked))
 

@@ -219,15 +219,10 @@ def checksums(folder: Path, names: Iterable[str] | None = None, threads: int = 1
     """
     chosen = sorted(set(walk(folder) if names is None else names) - _OWN)
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        return dict(zip(chosen, pool.map(lambda name: file_facts(folder, name), chosen), strict=True))
+        return dict(zip(chosen, pool.map(lambda name: _facts(folder, name), chosen), strict=True))
 
 
-def file_facts(folder: Path, name: str) -> dict[str, Any]:
-    """Return size and SHA-256 of a file of a folder, as a manifest lists them.
-
-    Raises:
-        OSError: It is missing or no regular file, or cannot be read.
-    """
+def _facts(folder: Path, name: str) -> dict[str, Any]:
     digest, size = hashlib.sha256(), 0
     with open_plain(folder, name) as file:
         for block in iter(lambda: file.read(1 << 20), b""):
@@ -287,7 +282,7 @@ def difference(folder: Path, name: str, report: Mapping[str, Any]) -> str:
         size = stat_plain(folder, name).st_size
         if size != report["bytes"]:
             return f"{path}: has {size} bytes, expected {report['bytes']}"
-        if file_facts(folder, name) != report:
+        if _facts(folder, name) != report:
             return f"{path}: has changed: its SHA-256 is not the one in {NAME}"
     except FileNotFoundError:
         return f"{path}: is missing"

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from render_sources import Walkers
 from scenes import crowdsim, write_scene
 
@@ -15,8 +16,10 @@ from crowdsim.render.look import Look
 from crowdsim.render.obstacles import add_obstacles, hide_avatars
 from crowdsim.render.raycast import Capsules
 from crowdsim.render.stage import build_stage
-from crowdsim.runs.opening import read_obstacles
+from crowdsim.runs.opening import open_run
+from crowdsim.runs.recorded import shown
 from crowdsim.scenario.cameras import KINDS
+from crowdsim.scenario.scenario import load_scenario
 
 WALL = WallObstacle(
     kind="wall", points=((-2.0, 1.0), (2.0, 1.0)), height=2.0, doors=(Door(at=2.0, width=1.0, opens=3.0),)
@@ -109,7 +112,7 @@ def test_obstacles_are_in_the_pictures_of_run_and_of_render_alike(workplace: Pat
         again = (workplace / f"{name}_again" / "frames" / "000000.png").read_bytes()
         drawn[name] = (workplace / name / "frames" / "000000.png").read_bytes()
         assert drawn[name] == again
-        assert len(read_obstacles(workplace / name)) == len(obstacles)
+        assert len(open_run(workplace / name).obstacles) == len(obstacles)
     assert drawn["walled"] != drawn["bare"]
 
 
@@ -160,7 +163,10 @@ def test_cameras_that_are_placed_by_hand_show_what_hides_avatars():
 
 def test_thousands_of_walls_in_a_scenario_are_shown(tmp_path):
     walls = [{"kind": "wall", "points": [[i % 60, i // 60], [i % 60 + 0.5, i // 60 + 0.25]]} for i in range(6000)]
-    text = dump_yaml({"version": 1, "obstacles": walls, "arena": {"kind": "none"}})
+    text = dump_yaml({"obstacles": walls, "arena": {"kind": "none"}})
     assert len(text) > 1.4 * 2**18
-    (tmp_path / "scenario.resolved.yaml").write_text(text, encoding="utf-8")
-    assert len(read_obstacles(tmp_path)) == 6000
+    scene = yaml.safe_load((Path(__file__).parents[2] / "scenarios" / "duel.yaml").read_text(encoding="utf-8"))
+    kept = {key: value for key, value in scene.items() if key not in ("obstacles", "arena")}
+    path = tmp_path / "scenario.resolved.yaml"
+    path.write_text(dump_yaml(kept) + text, encoding="utf-8")
+    assert len(shown(load_scenario(path), tmp_path, 15.0)["obstacles"]) == 6000
