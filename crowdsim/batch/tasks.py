@@ -90,14 +90,13 @@ def simulate(job: Job) -> None:
 def export(job: Job, kind: str, *_: None) -> None:
     """Export a finished take as one kind of file, into a folder beside the run's."""
     from crowdsim.export.posed import extent_of
-    from crowdsim.runs.exports import write_again
 
     with _attempt(job, f"export-{kind}") as progress:
         run = _run(job)
         output = getattr(job.run.outputs, kind).within(extent_of(run))
         out = job.work / f"export-{kind}"
         _wait_for(out)
-        write_again(run, [output], out, 1, progress)
+        run.write([output], out, 1, progress)
 
 
 def draw(job: Job, first: int, stop: int, *_: None) -> None:
@@ -115,7 +114,7 @@ def draw(job: Job, first: int, stop: int, *_: None) -> None:
 def finish(job: Job, *_: None) -> None:
     """Put exports and pictures in their places in the run folder, join the video, and write the report."""
     from crowdsim.export.posed import extent_of
-    from crowdsim.runs.exports import adopt_exports, write_again
+    from crowdsim.runs.exports import adopt_exports
 
     with _attempt(job, "finish") as progress:
         run = _run(job)
@@ -125,7 +124,7 @@ def finish(job: Job, *_: None) -> None:
         if job.run.outputs.render is not None:
             _join(job, progress)
         if job.run.outputs.report is not None:
-            write_again(run, [job.run.outputs.report], job.folder, progress=progress)
+            run.write([job.run.outputs.report], job.folder, progress=progress)
         write_result(job.batch, job.run.id, collect(job.folder, run, job.run.mark))
         with suppress(OSError):
             remove_tree(job.batch, f"{WORK}/{job.run.id}")

@@ -31,7 +31,7 @@ def report(
 ) -> None:
     """Write a report of a run as one page: statistics with verdicts, the player, how to repeat it."""
     from crowdsim.compilation import watch_compilation
-    from crowdsim.runs.exports import choose_report, write_again
+    from crowdsim.runs.exports import choose_report
     from crowdsim.runs.opening import open_run
 
     if not player and (avatars is not None or frames is not None or fps is not None):
@@ -41,7 +41,7 @@ def report(
         run = open_run(unpacked)
         for line in run.notes:
             note(line)
-        output = choose_report(run, avatars, frames, fps, player)
+        output = choose_report(run, fps or run.fps, frames, avatars, player)
         with Bars() as bars, watch_compilation(bars.note, [output.kernels], threads):
-            (path,) = write_again(run, [output], target, threads, bars, force)[output.name]
+            (path,) = run.write([output], target, threads, bars, force)[output.name]
     say(f"{path}: {size_text(path.stat().st_size)}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -12,23 +12,20 @@ import numpy as np
 from pydantic import ValidationError
 
 from crowdsim.config.schema import join
-from crowdsim.core.types import Progress
-from crowdsim.errors import CrowdsimError, TakeError, nearest
-from crowdsim.export.posed import FinishedTake, PosedOutput, extent_of, file_names
+from crowdsim.errors import CrowdsimError, nearest
+from crowdsim.export.posed import FinishedTake, PosedOutput
 from crowdsim.export.select import parse_avatars
-from crowdsim.files import exists_plain, is_folder, move_plain, walk
+from crowdsim.files import is_folder, move_plain, walk
 from crowdsim.outputs.report import ReportOutput
-from crowdsim.runs.folder import RESOLVED, place_of, read_resolved
 from crowdsim.runs.manifest import EXPORT
 from crowdsim.runs.provenance import sources_hash
-from crowdsim.runs.stage import Wanted, planned_files, write_together
+from crowdsim.runs.stage import Wanted, write_together
 from crowdsim.scenario.frame_ranges import parse_frames
 from crowdsim.scenario.output import FPS, Output
 from crowdsim.scenario.outputs import REGISTRY
 from crowdsim.scenario.rates import parse_rate
 
 if TYPE_CHECKING:
-    from crowdsim.runs.recorded import RecordedRun
     from crowdsim.take.take import Take
 
 _Kind = TypeVar("_Kind", bound=Output)
@@ -99,22 +96,11 @@ def _options(kinds: Iterable[str]) -> str:
     return join([f"--{kind}" for kind in kinds])
 
 
-def choose_report(
-    run: RecordedRun, avatars: str | None, frames: str | None, fps: float | None, player: bool
-) -> ReportOutput:
-    """Return a report that a user chooses; arguments and errors as of ``choose_outputs``, but for the default rate.
-
-    Args:
-        run: The run.
-        avatars: Avatars that the player shows.
-        frames: Output frames of the player.
-        fps: Frames a second of the player; those of the scenario when None.
-        player: Whether the report has the player.
-    """
-    rate = fps or run.fps
-    given: dict[str, Any] = {"fps": rate, "player": player, "avatars": parse_avatars(avatars, run.cast)}
+def choose_report(take: Take, fps: float, frames: str | None, avatars: str | None, player: bool) -> ReportOutput:
+    """Return a report that a user chooses, with or without the player; all else as of ``choose_outputs``."""
+    given: dict[str, Any] = {"fps": fps, "player": player, "avatars": parse_avatars(avatars, take.cast)}
     if frames is not None:
-        given["frames"] = parse_frames(frames).resolve(run.output_frames(rate), rate)
+        given["frames"] = parse_frames(frames).resolve(take.output_frames(fps), fps)
     return _checked(ReportOutput, given)
 
 
@@ -125,50 +111,6 @@ def _checked(output: type[_Kind], keys: Mapping[str, Any]) -> _Kind:
         found = error.errors()[0]
         where, why = ".".join(map(str, found["loc"])), found.get("ctx", {}).get("error", found["msg"])
         raise CrowdsimError(f"{output.name}: {where}{': ' if where else ''}{why}") from None
-
-
-def write_again(
-    run: RecordedRun,
-    outputs: Sequence[Output],
-    out: Path,
-    threads: int = 1,
-    progress: Progress | None = None,
-    force: bool = False,
-) -> dict[str, list[Path]]:
-    """Write outputs of a finished run from its take; return the files of each.
-
-    What an interrupted command has finished is kept for the same one, and removed by another. In the run's own folder,
-    files take the place of those of their kind; in another one only with ``force``.
-
-    Args:
-        run: The run.
-        outputs: What to write (``choose_outputs``, ``choose_report``).
-        out: Folder for the files, the run's or another one.
-        threads: Threads; the files do not depend on them.
-        progress: Called with stage, done and total.
-        force: Whether to do it again although it is done, and to replace files in another folder.
-
-    Raises:
-        TakeError: The manifest is damaged, or a report is wanted and the scenario cannot be read, which it shows.
-        OutputError: A folder cannot be made or is in use, or holds other files of these names.
-        CrowdsimError: An output does not fit the policies, or a page would be too large.
-        RunError: A file cannot be written.
-    """
-    for output in outputs:
-        for finding in output.findings_with(run.policies):
-            raise CrowdsimError(f"{output.name}: {finding}")
-    folder, names, made_from = run.folder or out, run.cast.names.tolist(), {"take": take_mark(run)}
-    if any(isinstance(output, ReportOutput) for output in outputs):
-        made_from["of"] = read_resolved(place_of(folder))
-        if not made_from["of"]:
-            raise TakeError(f"{folder / RESOLVED}: cannot be read, and the report shows it")
-    wanted = _wanted(outputs, planned_files(outputs, extent_of(run), names, run.scenario), made_from)
-    with write_together(out, wanted, folder, force, threads) as writing:
-        if not writing.done:
-            write_outputs(run.outputs_in(writing.folder, threads, progress, made_from.get("of", "")), outputs)
-    found = {output.name: file_names(output, extent_of(run), names) for output in outputs}
-    # Avatars that never came have no file.
-    return {kind: [out / name for name in files if exists_plain(out, name)] for kind, files in found.items()}
 
 
 def write_outputs(
@@ -218,13 +160,14 @@ def adopt_exports(folder: Path, apart: Path, outputs: Sequence[PosedOutput], thr
     names = {name for place, kind in folders for name in walk(place, kind)}
     if not names:
         return
-    with write_together(folder, _wanted(outputs, names, {}), folder, threads=threads) as writing:
+    with write_together(folder, wanted_files(outputs, names, {}), folder, threads=threads) as writing:
         for kind in kinds if not writing.done else ():
             for name in walk(apart, kind) if is_folder(apart, kind) else ():
                 move_plain(apart, name, writing.folder)
 
 
-def _wanted(outputs: Sequence[Output], files: set[str], made_from: dict[str, Any]) -> Wanted:
+def wanted_files(outputs: Sequence[Output], files: Set[str], made_from: Mapping[str, Any]) -> Wanted:
+    """Return what a command writes: files of outputs, and what they are made from."""
     asked = {output.name: output.model_dump(mode="json", exclude_none=True) for output in outputs}
     return Wanted(EXPORT, asked, files, made_from, list(asked))
 

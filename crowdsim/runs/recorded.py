@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, field, fields, replace
 from fractions import Fraction
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,13 +15,15 @@ from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.core.workers import CORES
-from crowdsim.errors import OutputError, TakeError
+from crowdsim.errors import CrowdsimError, OutputError, TakeError
+from crowdsim.files import exists_plain
 from crowdsim.places.kernels.records import PART
+from crowdsim.runs.folder import RESOLVED, place_of, read_resolved
 from crowdsim.scenario.camera import Camera
 from crowdsim.scenario.cameras import Chosen, camera_name
 from crowdsim.scenario.frame_ranges import parse_frames
 from crowdsim.scenario.heals import Heal, find_heals
-from crowdsim.scenario.output import FPS
+from crowdsim.scenario.output import FPS, Output
 from crowdsim.scenario.rates import parse_rate
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.take.take import Take
@@ -124,14 +127,50 @@ class RecordedRun(Take):
             OutputError: A folder cannot be made or is in use, or holds other files of these names.
             RunError: A file cannot be written.
         """
-        from crowdsim.runs.exports import choose_outputs, write_again
+        from crowdsim.runs.exports import choose_outputs
 
         wanted = (kinds,) if isinstance(kinds, str) else tuple(kinds)
         numbers = self._chosen(avatars)
         chosen = None if numbers is None else ",".join(map(str, numbers))
         outputs = choose_outputs(self, wanted, self.fps if fps is None else fps, _range_text(frames), chosen, **keys)
-        written = write_again(self, outputs, self._place(out), threads, progress, force)
-        return [path for files in written.values() for path in files]
+        return list(chain(*self.write(outputs, self._place(out), threads, progress, force).values()))
+
+    def write(
+        self,
+        outputs: Sequence[Output],
+        out: Path,
+        threads: int = 1,
+        progress: Progress | None = None,
+        force: bool = False,
+    ) -> dict[str, list[Path]]:
+        """Write outputs into the run folder or another one; return the files of each.
+
+        What an interrupted command has finished is kept for the same one, and removed by another. Outputs are those of
+        ``runs.exports``; arguments and errors are those of ``export``.
+
+        Raises:
+            TakeError: A report shows the scenario, which cannot be read.
+            CrowdsimError: An output does not fit the policies, or a page would be too large.
+        """
+        from crowdsim.export.posed import extent_of, file_names
+        from crowdsim.runs.exports import take_mark, wanted_files, write_outputs
+        from crowdsim.runs.stage import planned_files, write_together
+
+        for output in outputs:
+            for finding in output.findings_with(self.policies):
+                raise CrowdsimError(f"{output.name}: {finding}")
+        folder, names, made_from = self.folder or out, self.cast.names.tolist(), {"take": take_mark(self)}
+        if any(output.name == "report" for output in outputs):
+            made_from["of"] = read_resolved(place_of(folder))
+            if not made_from["of"]:
+                raise TakeError(f"{folder / RESOLVED}: cannot be read, and the report shows it")
+        wanted = wanted_files(outputs, planned_files(outputs, extent_of(self), names, self.scenario), made_from)
+        with write_together(out, wanted, folder, force, threads) as writing:
+            if not writing.done:
+                write_outputs(self.outputs_in(writing.folder, threads, progress, made_from.get("of", "")), outputs)
+        found = {output.name: file_names(output, extent_of(self), names) for output in outputs}
+        # Avatars that never came have no file.
+        return {kind: [out / name for name in files if exists_plain(out, name)] for kind, files in found.items()}
 
     def render(
         self,
