@@ -167,7 +167,7 @@ def write_take(run: Run, crowd: Crowd, origin: str, begun: Checkpoint | None) ->
 
     timings = record(run, crowd, writer, counter, begun, keep)
     run.report.statistics = counter.finish()
-    return open_take(path), timings
+    return open_take(path, crowd.cast), timings
 
 
 def _begin(run: Run, crowd: Crowd) -> tuple[TakeWriter, StatisticsCounter]:
