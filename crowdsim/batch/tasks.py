@@ -114,13 +114,13 @@ def draw(job: Job, first: int, stop: int, *_: None) -> None:
 def finish(job: Job, *_: None) -> None:
     """Put exports and pictures in their places in the run folder, join the video, and write the report."""
     from crowdsim.export.posed import extent_of
-    from crowdsim.runs.exports import adopt_exports
+    from crowdsim.runs.exports import adopt_export
 
     with _attempt(job, "finish") as progress:
         run = _run(job)
         _wait_for(job.folder)
         for output in posed_outputs(job.run.outputs):
-            adopt_exports(job.folder, job.work / f"export-{output.name}", [output.within(extent_of(run))])
+            adopt_export(job.folder, job.work / f"export-{output.name}", output.within(extent_of(run)))
         if job.run.outputs.render is not None:
             _join(job, progress)
         if job.run.outputs.report is not None:

@@ -139,31 +139,28 @@ def write_outputs(
     return {kind: files for kind, files in found.items() if files}
 
 
-def adopt_exports(folder: Path, apart: Path, outputs: Sequence[PosedOutput], threads: int = 1) -> None:
-    """Put exports of a finished run that ``export_take`` wrote into another folder in their places in the run's.
+def adopt_export(folder: Path, apart: Path, output: PosedOutput) -> None:
+    """Put an export of a finished run that was written into another folder in its place in the run's.
 
-    They appear under their names all together. A process that takes over from one that was killed completes it.
+    Its files appear under their names all together. A process that takes over from one that was killed completes it.
 
     Args:
         folder: The run folder.
-        apart: The other folder, on the same disk, with a folder for each output.
-        outputs: What was exported.
-        threads: Threads that sum up files.
+        apart: The other folder, on the same disk.
+        output: What was exported.
 
     Raises:
         TakeError: The manifest is damaged.
         OutputError: The folder is in use, or holds other files of these names beside a run's.
         RunError: A file cannot be written.
     """
-    kinds = [output.name for output in outputs]
-    folders = [(place, kind) for place in (apart, folder / EXPORT) for kind in kinds if is_folder(place, kind)]
-    names = {name for place, kind in folders for name in walk(place, kind)}
-    if not names:
-        return
-    with write_together(folder, wanted_files(outputs, names, {}), folder, threads=threads) as writing:
-        for kind in kinds if not writing.done else ():
-            for name in walk(apart, kind) if is_folder(apart, kind) else ():
-                move_plain(apart, name, writing.folder)
+    places = [place for place in (apart, folder / EXPORT) if is_folder(place, output.name)]
+    names = {name for place in places for name in walk(place, output.name)}
+    if names:
+        with write_together(folder, wanted_files([output], names, {}), folder) as writing:
+            if apart in places and not writing.done:
+                for name in walk(apart, output.name):
+                    move_plain(apart, name, writing.folder)
 
 
 def wanted_files(outputs: Sequence[Output], files: Set[str], made_from: Mapping[str, Any]) -> Wanted:
