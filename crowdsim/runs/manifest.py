@@ -71,6 +71,13 @@ class FileEntry(DocumentModel):
     sha256: str
 
 
+class ExportEntry(OpenModel):
+    """Files that a command wrote again: what they depend on, and their names where only the command knows them."""
+
+    key: str = ""
+    files: list[str] = Field(default_factory=list)
+
+
 class RunManifest(OpenModel):
     """A manifest; keys that are missing are those of a run of an earlier version, or of none."""
 
@@ -84,7 +91,7 @@ class RunManifest(OpenModel):
     policy_folders: dict[str, str] = Field(default_factory=dict)
     inputs: list[str] = Field(default_factory=list)
     origin: dict[str, Any] = Field(default_factory=dict)
-    exports: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    exports: dict[str, ExportEntry] = Field(default_factory=dict)
     statistics: dict[str, Any] = Field(default_factory=dict)
     outcome: dict[str, Any] | None = None
     seconds: dict[str, _Seconds] = Field(default_factory=lambda: {"total": 0.0})

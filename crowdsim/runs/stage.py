@@ -360,9 +360,9 @@ def write_together(
         ledger = read_ledger(base)
         exports = ledger.document.get("exports", {})
         before = [exports.get(name, {}) for name in asked]
-        there = [name for name in ledger.files if name in (mine or before[0].get("files", ()))]
-        is_done = all(facts.get("key") == key for facts in before) and there and not force
-        if is_done and all(exists_plain(base, name) for name in there):
+        is_same = not force and all(facts.get("key") == key for facts in before)
+        there = [name for name in ledger.files if is_same and name in (mine or before[0].get("files", ()))]
+        if there and all(exists_plain(base, name) for name in there):
             if read_note(base / wanted.stage) is not None:
                 discard(base, wanted.stage)
             yield Writing(base / above, tuple(base / name for name in there))
