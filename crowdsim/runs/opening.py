@@ -7,13 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from crowdsim import assets
-from crowdsim.config.files import load_model
+from crowdsim.config.documents import document_fault
 from crowdsim.core.types import FileName
-from crowdsim.errors import CrowdsimError, PolicyError, RecipeError, ScenarioError, TakeError
+from crowdsim.errors import CrowdsimError, PolicyError, RecipeError, TakeError
 from crowdsim.files import exists_plain
 from crowdsim.places.sketch import PlanError
-from crowdsim.runs.folder import RESOLVED, place_of
+from crowdsim.runs.folder import RESOLVED, place_of, read_resolved
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import read_manifest
 from crowdsim.runs.recorded import RecordedRun, shown
@@ -22,6 +24,8 @@ from crowdsim.take.take import Take
 
 POLICIES = "policies"
 """Folder in a run's that policies are packed into."""
+_MOST_VALUES = 1 << 21
+"""Most values of a resolved scenario, more than one of the longest text becomes."""
 
 
 def open_run(folder: FileName) -> RecordedRun:
@@ -52,13 +56,31 @@ def recorded(folder: Path, take: Take) -> RecordedRun:
     place, found, notes = place_of(folder), dict[str, Any](), tuple[str, ...]()
     try:
         if exists_plain(place, RESOLVED):
-            # Without a folder no file is read that a stranger's scenario names, but floor plans.
-            scenario = load_model(place / RESOLVED, Scenario, ScenarioError)
-            found = shown(scenario, place, take.control_rate)
-    except (ScenarioError, PlanError) as error:
-        reason = str(error).splitlines()[0]
-        notes = (f"{reason}; arena, obstacles, cameras and health of the run are not shown",)
+            found = shown(_read_scenario(place), place, take.control_rate)
+    except (ValueError, PlanError) as error:
+        what = "arena, obstacles, cameras and health of the run are not shown"
+        notes = (f"{place / RESOLVED}: cannot be read: {error}; {what}",)
     return RecordedRun.of(take, folder=folder, notes=notes, **found)
+
+
+def _read_scenario(place: Path) -> Scenario:
+    """Return the scenario that was run, whose text is longer than what users may write, and may be a stranger's."""
+    try:
+        data = yaml.load(read_resolved(place), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    except (yaml.YAMLError, RecursionError, LookupError, TypeError, AttributeError, OverflowError) as error:
+        raise ValueError(str(error).partition("\n")[0]) from None
+    level, count = [data], 0
+    while level := [one for one in level if isinstance(one, dict | list)]:
+        # Values that others stand for count each time.
+        count += sum(map(len, level))
+        if count > _MOST_VALUES:
+            raise ValueError(f"more than {_MOST_VALUES:,} values")
+        level = [value for one in level for value in (one.values() if isinstance(one, dict) else one)]
+    # Without the folder in its context no file is read.
+    fault = document_fault(Scenario, data)
+    if fault:
+        raise ValueError(fault)
+    return Scenario.model_validate(data)
 
 
 def bundle_of(folder: Path, policy: str, fingerprint: str | None = None) -> Path:

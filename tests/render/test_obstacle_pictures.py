@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from render_sources import Walkers
 from scenes import crowdsim, write_scene
 
@@ -17,9 +16,7 @@ from crowdsim.render.obstacles import add_obstacles, hide_avatars
 from crowdsim.render.raycast import Capsules
 from crowdsim.render.stage import build_stage
 from crowdsim.runs.opening import open_run
-from crowdsim.runs.recorded import shown
 from crowdsim.scenario.cameras import KINDS
-from crowdsim.scenario.scenario import load_scenario
 
 WALL = WallObstacle(
     kind="wall", points=((-2.0, 1.0), (2.0, 1.0)), height=2.0, doors=(Door(at=2.0, width=1.0, opens=3.0),)
@@ -161,12 +158,12 @@ def test_cameras_that_are_placed_by_hand_show_what_hides_avatars():
     assert not all(seen.values())
 
 
-def test_thousands_of_walls_in_a_scenario_are_shown(tmp_path):
-    walls = [{"kind": "wall", "points": [[i % 60, i // 60], [i % 60 + 0.5, i // 60 + 0.25]]} for i in range(6000)]
-    text = dump_yaml({"obstacles": walls, "arena": {"kind": "none"}})
-    assert len(text) > 1.4 * 2**18
-    scene = yaml.safe_load((Path(__file__).parents[2] / "scenarios" / "duel.yaml").read_text(encoding="utf-8"))
-    kept = {key: value for key, value in scene.items() if key not in ("obstacles", "arena")}
-    path = tmp_path / "scenario.resolved.yaml"
-    path.write_text(dump_yaml(kept) + text, encoding="utf-8")
-    assert len(shown(load_scenario(path), tmp_path, 15.0)["obstacles"]) == 6000
+def test_thousands_of_walls_in_a_scenario_are_shown(workplace: Path) -> None:
+    write_scene(workplace / "four.yaml", duration=3)
+    assert crowdsim("run", "four.yaml", "--out", "run", "--quiet") == 0
+    walls = [{"kind": "wall", "points": [[i % 60, i // 60], [i % 60 + 0.5, i // 60 + 0.25]]} for i in range(20000)]
+    path = workplace / "run" / "scenario.resolved.yaml"
+    before = path.read_text(encoding="utf-8")
+    path.write_text(before.replace("obstacles: []\n", dump_yaml({"obstacles": walls})), encoding="utf-8")
+    assert path.stat().st_size > 1.2 * 2**20
+    assert len(open_run(workplace / "run").obstacles) == 20000

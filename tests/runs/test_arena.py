@@ -32,7 +32,7 @@ def test_without_a_readable_scenario_ground_is_open(workplace: Path) -> None:
         run = open_run(workplace / "run")
         assert not run.arena.any()
         (note,) = run.notes
-        assert note.startswith(f"{resolved}:")
+        assert note.startswith(f"{resolved}: cannot be read: ")
         assert note.endswith("; arena, obstacles, cameras and health of the run are not shown")
     resolved.unlink()
     run = open_run(workplace / "run")
