@@ -38,7 +38,8 @@ def test_compilation_is_a_stage_of_its_own_and_announced_once() -> None:
     report: list[str] = []
     seconds: dict[str, float] = {}
     with watch_compilation(report.append) as compilation:
-        clock = Clock(seconds, compilation)
+        clock = Clock(seconds)
+        clock.watch(compilation)
         for _ in range(2):
             kernel = fresh_kernel()
             assert kernel(1) == 2

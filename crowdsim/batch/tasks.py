@@ -21,9 +21,9 @@ from crowdsim.batch.workers import describe_environment
 from crowdsim.files import Writing, entries, make_folder, remove_tree
 from crowdsim.runs.folder import RESOLVED
 from crowdsim.runs.lock import find_owner, hold_folder
-from crowdsim.runs.opening import read_arena, read_obstacles, recorded
+from crowdsim.runs.opening import recorded
 from crowdsim.runs.provenance import document_difference
-from crowdsim.runs.stage import complete_alone, write_pictures
+from crowdsim.runs.stage import complete_alone, wanted_pictures, write_together
 from crowdsim.scenario.cameras import camera_name
 from crowdsim.scenario.outputs import Outputs
 from crowdsim.scenario.scenario import load_scenario
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
     from crowdsim.render.options import RenderOptions
     from crowdsim.render.take_source import TakeSource
-    from crowdsim.take.take import Take
+    from crowdsim.runs.recorded import RecordedRun
 
 _PAUSE = 0.2
 """How often a folder is looked at that another process holds [s]."""
@@ -90,7 +90,7 @@ def simulate(job: Job) -> None:
             job.folder, scenario, 1, command=job.command, progress=progress, policies=policies, device=job.device
         )  # fmt: skip
         if not has_outputs(job.run.outputs):
-            write_result(job.batch, job.run.id, collect(job.folder, _take(job), job.run.mark))
+            write_result(job.batch, job.run.id, collect(job.folder, _run(job), job.run.mark))
 
 
 def _worker_number() -> int:
@@ -104,14 +104,13 @@ def _worker_number() -> int:
 def export(job: Job, kind: str, *_: None) -> None:
     """Export a finished take as one kind of file, into a folder beside the run's."""
     from crowdsim.export.posed import extent_of
-    from crowdsim.runs.exports import export_take
 
     with _attempt(job, f"export-{kind}") as progress:
-        take = _take(job)
-        output = getattr(job.run.outputs, kind).within(extent_of(take))
+        run = _run(job)
+        output = getattr(job.run.outputs, kind).within(extent_of(run))
         out = job.work / f"export-{kind}"
         _wait_for(out)
-        export_take(job.folder, take, take.policies, [output], out, 1, progress, obstacles=read_obstacles(job.folder))
+        run.write([output], out, 1, progress)
 
 
 def draw(job: Job, first: int, stop: int, *_: None) -> None:
@@ -129,19 +128,18 @@ def draw(job: Job, first: int, stop: int, *_: None) -> None:
 def finish(job: Job, *_: None) -> None:
     """Put exports and pictures in their places in the run folder, join the video, and write the report."""
     from crowdsim.export.posed import extent_of
-    from crowdsim.runs.exports import adopt_exports
-    from crowdsim.runs.reports import write_output
+    from crowdsim.runs.exports import adopt_export
 
     with _attempt(job, "finish") as progress:
-        take = _take(job)
+        run = _run(job)
         _wait_for(job.folder)
         for output in posed_outputs(job.run.outputs):
-            adopt_exports(job.folder, job.work / f"export-{output.name}", [output.within(extent_of(take))])
+            adopt_export(job.folder, job.work / f"export-{output.name}", output.within(extent_of(run)))
         if job.run.outputs.render is not None:
             _join(job, progress)
         if job.run.outputs.report is not None:
-            write_output(job.run.outputs.report, recorded(job.folder, take), job.folder, progress=progress)
-        write_result(job.batch, job.run.id, collect(job.folder, take, job.run.mark))
+            run.write([job.run.outputs.report], job.folder, progress=progress)
+        write_result(job.batch, job.run.id, collect(job.folder, run, job.run.mark))
         with suppress(OSError):
             remove_tree(job.batch, f"{WORK}/{job.run.id}")
 
@@ -153,9 +151,9 @@ def thumbnail(job: Job, path: Path, *_: None) -> None:
     from crowdsim.render.video import write_png
 
     with _attempt(job, "thumbnail"):
-        take = _take(job)
+        run = _run(job)
         # The camera follows the crowd through all frames of its source, so there are few.
-        source = _open(job, min(30.0, _MOMENTS / max(take.frame_count / take.control_rate, 1.0)))
+        source = run.source(min(30.0, _MOMENTS / max(run.frame_count / run.control_rate, 1.0)), 1)
         stage = RenderOptions(size=(256, 144), look=Look(caption=False), threads=1).stage(source)
         make_folder(path.parent)
         write_png(path, stage.picture(source.frame_count // 2), stage.mark)
@@ -187,7 +185,7 @@ def _join(job: Job, progress: Callable[[str, int, int], None]) -> None:
 
     @contextmanager
     def record(folder: Path, planned: Sequence[Path], mark: str) -> Iterator[Writing]:
-        with write_pictures(folder, planned, mark, drawn, folder) as writing:
+        with write_together(folder, wanted_pictures(folder, planned, mark, drawn), folder) as writing:
             if not writing.done:
                 apart = [name for name in entries(job.batch, f"{WORK}/{job.run.id}") if name.startswith("pictures-")]
                 adopt_frames(writing.folder, [job.work / name for name in apart])
@@ -203,22 +201,14 @@ def _source(job: Job) -> tuple[TakeSource, RenderOptions]:
 
     wanted = job.run.outputs.render
     assert wanted is not None
-    options, source = scenario_options(wanted, 1), _open(job, wanted.rate)
+    options, source = scenario_options(wanted, 1), _run(job).source(wanted.rate, 1)
     extent = extent_of(source.take)
     return source, replace(options, frames=wanted.frames_of(extent), shots=wanted.shots_of(extent))
 
 
-def _open(job: Job, fps: float) -> TakeSource:
-    from crowdsim.render.take_source import TakeSource
-
-    take = _take(job)
-    arena, obstacles = read_arena(job.folder), read_obstacles(job.folder)
-    return TakeSource(take, take.policies, fps, threads=1, arena=arena, obstacles=obstacles)
-
-
-def _take(job: Job) -> Take:
+def _run(job: Job) -> RecordedRun:
     complete_alone(job.folder)
-    return replace(open_take(job.folder), policies=tuple(_policies(job)))
+    return recorded(job.folder, replace(open_take(job.folder), policies=tuple(_policies(job))))
 
 
 def _policies(job: Job) -> list[Policy]:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
-from importlib import metadata
+from importlib import import_module, metadata
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -150,6 +150,8 @@ def connect(options: BatchOptions, security: Security | None) -> Iterator[Client
             # All processes load modules from there first, this one too; Dask's own place may be another user's.
             private = TemporaryDirectory(prefix="crowdsim-batch-", ignore_cleanup_errors=True)
             stack.enter_context(dask.config.set({"temporary-directory": stack.enter_context(private)}))
+            if options.dashboard:
+                _load_bokeh(private.name)
             try:
                 cluster = LocalCluster(
                     n_workers=options.jobs,
@@ -181,6 +183,18 @@ def connect(options: BatchOptions, security: Security | None) -> Iterator[Client
             raise BatchError(f"--scheduler {options.scheduler}: {what}; expected one such as tls://HOST:8786") from None
         stack.enter_context(client)
         yield client
+
+
+def _load_bokeh(folder: str) -> None:
+    """Load what draws the dashboard, and looks for the user's home as it loads; without one, a folder is its home."""
+    try:
+        Path.home()
+    except RuntimeError:
+        os.environ["HOME"] = folder
+        try:
+            import_module("bokeh.settings")
+        finally:
+            del os.environ["HOME"]
 
 
 def _end_workers(cluster: LocalCluster) -> None:

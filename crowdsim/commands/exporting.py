@@ -34,7 +34,7 @@ def export(
     """Export a run's take in other formats, without simulating again; in the run's folder it replaces them."""
     from crowdsim.compilation import watch_compilation
     from crowdsim.export.posed import AVATARS
-    from crowdsim.runs.exports import EXPORTS, choose_outputs, export_take
+    from crowdsim.runs.exports import EXPORTS, choose_outputs
     from crowdsim.runs.opening import open_run
 
     kinds = [kind for kind in EXPORTS if options.pop(kind)]
@@ -46,7 +46,7 @@ def export(
         outputs = choose_outputs(run, kinds, fps or run.fps, frames, avatars, **options)
         uses = list(dict.fromkeys(output.kernels for output in outputs))
         with Bars() as bars, watch_compilation(bars.note, uses, threads):
-            written = export_take(unpacked, run, run.policies, outputs, target, threads, bars, force, run.obstacles)
+            written = run.write(outputs, target, threads, bars, force)
     for kind, files in written.items():
         size = sum(path.stat().st_size for path in files)
         count = sum(path.name != AVATARS for path in files)

@@ -18,6 +18,7 @@ from crowdsim.core.workers import CORES
 
 if TYPE_CHECKING:
     from crowdsim.files import Writing
+    from crowdsim.render.take_source import TakeSource
 
 
 def render(
@@ -66,9 +67,8 @@ def render(
     from crowdsim.render.command import parse_size, render_many
     from crowdsim.render.look import Look
     from crowdsim.render.options import RenderOptions
-    from crowdsim.render.take_source import TakeSource
     from crowdsim.runs.opening import open_run
-    from crowdsim.runs.stage import write_pictures
+    from crowdsim.runs.stage import wanted_pictures, write_together
     from crowdsim.scenario.camera_files import read_shots
     from crowdsim.scenario.frame_ranges import parse_frames
 
@@ -91,17 +91,13 @@ def render(
     def open_source(path: Path, wanted: RenderOptions) -> tuple[TakeSource, tuple[str, ...]]:
         folder = unpacked.enter_context(opened_run(path))
         run = open_run(folder)
-        fps = wanted.fps or run.fps
-        source = TakeSource(
-            run, run.policies, fps, threads=threads, arena=run.arena, cameras=run.cameras, obstacles=run.obstacles
-        )
-        return source, run.notes
+        return run.source(wanted.fps or run.fps, threads), run.notes
 
     drawn = {"size": size, "fps": fps, "frames": frames, "camera": camera, **asdict(options.look)}
     drawn |= {} if shots is None else {"shots": str(shots)}
 
     def record(folder: Path, planned: Sequence[Path], mark: str) -> AbstractContextManager[Writing]:
-        return write_pictures(folder, planned, mark, drawn, runs.get(folder), force, threads)
+        return write_together(folder, wanted_pictures(folder, planned, mark, drawn), runs.get(folder), force, threads)
 
     if out is not None and len(things) == 1:
         outs = [out]

@@ -31,16 +31,17 @@ def report(
 ) -> None:
     """Write a report of a run as one page: statistics with verdicts, the player, how to repeat it."""
     from crowdsim.compilation import watch_compilation
+    from crowdsim.runs.exports import choose_report
     from crowdsim.runs.opening import open_run
-    from crowdsim.runs.reports import write_report
 
     if not player and (avatars is not None or frames is not None or fps is not None):
         raise CrowdsimError("--avatars, --frames and --fps are of the player, which --no-player leaves out")
-    target = out or (folder.with_suffix("") if folder.is_file() else None)
+    target = out or (folder.with_suffix("") if folder.is_file() else folder)
     with opened_run(folder) as unpacked:
         run = open_run(unpacked)
         for line in run.notes:
             note(line)
-        with Bars() as bars, watch_compilation(bars.note, ["bvh"], threads):
-            path = write_report(run, unpacked, target, avatars, frames, fps, player, threads, bars, force)
+        output = choose_report(run, fps or run.fps, frames, avatars, player)
+        with Bars() as bars, watch_compilation(bars.note, [output.kernels], threads):
+            (path,) = run.write([output], target, threads, bars, force)[output.name]
     say(f"{path}: {size_text(path.stat().st_size)}")

@@ -48,6 +48,7 @@ class FinishedTake:
         cameras: Cameras of its scenario by name.
         health: Health at the start of avatars that can be hurt, by the names of their types [points].
         heals: When its scenario restores health.
+        scenario: The resolved scenario, as text.
     """
 
     take: Take
@@ -61,6 +62,7 @@ class FinishedTake:
     cameras: Mapping[str, Camera] = field(default_factory=dict)
     health: Mapping[str, float] = field(default_factory=dict)
     heals: Sequence[Heal] = ()
+    scenario: str = ""
 
     @property
     def extent(self) -> Extent:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +10,7 @@ from pydantic import Field, model_validator
 
 from crowdsim.config.files import Fault, Finding
 from crowdsim.config.findings import show
-from crowdsim.files import read_plain, write_plain
+from crowdsim.files import write_plain
 from crowdsim.scenario.camera import Camera
 from crowdsim.scenario.output import Avatars, Extent, Ranged, Series
 
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from crowdsim.view.recording import Recording
 
 _FILE = "report.html"
-_SCENARIO, _LONGEST = "scenario.resolved.yaml", 1 << 26
 _POSE_BYTES, _PAGE_BYTES = 60.0, 200_000.0
 _POSE_SECONDS = 60e-6
 """Bytes and seconds of an avatar in a frame, and bytes of the rest; measured with the shipped scenarios."""
@@ -86,14 +84,7 @@ class ReportOutput(Ranged):
         return _PAGE_BYTES + _POSE_BYTES * poses, 2.0 + _POSE_SECONDS * poses
 
     def write(self, done: FinishedTake) -> list[Path]:
-        """Write the page where it is missing."""
-        path = done.folder / _FILE
-        if not path.exists():
-            self.write_page(done, read_plain(done.folder, _SCENARIO, _LONGEST).decode("utf-8"))
-        return [path]
-
-    def write_page(self, done: FinishedTake, scenario: str) -> None:
-        """Write the page of a run with a resolved scenario.
+        """Write the page where it is missing.
 
         Raises:
             OutputError: It cannot be written.
@@ -101,10 +92,13 @@ class ReportOutput(Ranged):
         """
         from crowdsim.view.report import report_parts
 
-        done = replace(done, take=replace(done.take, policies=tuple(done.policies)))
-        recording = self._recording(done) if self.player else None
-        parts = report_parts(done.take, recording, scenario, done.threads, done.progress, done.health, done.heals)
-        write_plain(done.folder, _FILE, parts)
+        path = done.folder / _FILE
+        if not path.exists():
+            recording = self._recording(done) if self.player else None
+            take, scenario = done.take, done.scenario
+            parts = report_parts(take, recording, scenario, done.threads, done.progress, done.health, done.heals)
+            write_plain(done.folder, _FILE, parts)
+        return [path]
 
     def _recording(self, done: FinishedTake) -> Recording | None:
         from crowdsim.view.take_motion import record_take

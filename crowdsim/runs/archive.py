@@ -11,7 +11,6 @@ import stat
 import tempfile
 import zipfile
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from os.path import lexists
 from pathlib import Path
@@ -23,7 +22,7 @@ from crowdsim.errors import OutputError, TakeError
 from crowdsim.files import is_inside, make_folder, open_plain, walk, whole_file
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.folder import RESOLVED
-from crowdsim.runs.manifest import FORMAT, MOST_BYTES, file_facts, read_manifest, signed_manifest, verify
+from crowdsim.runs.manifest import FORMAT, MOST_BYTES, checksums, read_manifest, signed_manifest, verify
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.opening import POLICIES, bundle_of
 from crowdsim.runs.stage import TAKE
@@ -50,37 +49,31 @@ def pack_run(folder: FileName, out: FileName, threads: int = 1, force: bool = Fa
             raise OutputError(f"{out}: is there already and no archive of a run, expected another name")
         if not force:
             raise OutputError(f"{out}: is there already; --force replaces it")
-    sources = {name: (folder, name) for name in _own_files(document)}
+    # What the run reads, its take and its checkpoint, but no outputs.
+    own = {RESOLVED, CHECKPOINT, *document.get("inputs", [])}
+    sources = {(folder, ""): [name for name in document["files"] if name in own or name.startswith(f"{TAKE}/")]}
     for policy, fingerprint in document["policies"].items():
         bundle = bundle_of(folder, policy, fingerprint)
-        sources.update({f"{POLICIES}/{policy}/{name}": (bundle, name) for name in walk(bundle)})
+        sources[bundle, f"{POLICIES}/{policy}/"] = list(walk(bundle))
+    files: dict[str, dict[str, Any]] = {}
     try:
-        with ThreadPoolExecutor(max(1, threads)) as pool:
-            hashes = dict(zip(sources, pool.map(lambda source: file_facts(*source), sources.values()), strict=True))
+        for (place, above), names in sources.items():
+            files |= {f"{above}{name}": facts for name, facts in checksums(place, names, threads).items()}
     except OSError as error:
         raise TakeError(f"{error.filename or folder}: cannot be read: {error.strerror or error}") from None
-    for name in _own_files(document):
-        if hashes[name] != document["files"][name]:
+    for name in sources[folder, ""]:
+        if files[name] != document["files"][name]:
             raise TakeError(f"{folder / name}: has changed since the run was finished; crowdsim verify reports all")
     kept = {key: value for key, value in document.items() if key not in ("exports", "checksum")}
-    manifest = signed_manifest({**kept, "files": dict(sorted(hashes.items()))})
-    _write(out, manifest.encode("utf-8"), sources)
-    return len(sources) + 1, out.stat().st_size
-
-
-def _own_files(document: dict[str, Any]) -> list[str]:
-    """Return which of a run's files are no outputs: what it reads, its take and its checkpoint."""
-    own = {RESOLVED, CHECKPOINT, *document.get("inputs", [])}
-    return [name for name in document["files"] if name in own or name.startswith(f"{TAKE}/")]
-
-
-def _write(out: Path, manifest: bytes, sources: dict[str, tuple[Path, str]]) -> None:
+    manifest = signed_manifest({**kept, "files": dict(sorted(files.items()))})
     make_folder(out.parent)
     with whole_file(out.parent, out.name) as partial, zipfile.ZipFile(partial, "w", zipfile.ZIP_STORED) as archive:
-        archive.writestr(_entry(MANIFEST), manifest)
-        for name, (folder, source) in sorted(sources.items()):
-            with open_plain(folder, source) as file, archive.open(_entry(name), "w", force_zip64=True) as target:
+        archive.writestr(_entry(MANIFEST), manifest.encode("utf-8"))
+        found = {f"{above}{name}": (place, name) for (place, above), names in sources.items() for name in names}
+        for name, source in sorted(found.items()):
+            with open_plain(*source) as file, archive.open(_entry(name), "w", force_zip64=True) as target:
                 shutil.copyfileobj(file, target)
+    return len(files) + 1, out.stat().st_size
 
 
 def _entry(name: str) -> zipfile.ZipInfo:
@@ -156,11 +149,7 @@ def unpack(path: Path, folder: Path) -> None:
 
 
 def _check_entries(path: Path, archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
-    """Return the files of an archive by name.
-
-    Raises:
-        TakeError: One is no plain, stored file inside the archive, or they hold more than it does.
-    """
+    """Return the files of an archive by name: plain, stored, inside it, and no larger than it together."""
     entries: dict[str, zipfile.ZipInfo] = {}
     for entry in archive.infolist():
         name, mode = entry.filename, entry.external_attr >> 16

@@ -148,11 +148,7 @@ def read_checkpoint(folder: Path) -> Checkpoint:
 
 
 def _cut(listed: list[list[Any]], body: bytes) -> dict[str, Array]:
-    """Return the arrays that lie one behind the other in a checkpoint, by name.
-
-    Raises:
-        ValueError: They are not as long as what lies there, or no arrays of numbers or words.
-    """
+    """Return the arrays that lie one behind the other in a checkpoint, by name."""
     arrays: dict[str, Array] = {}
     place = 0
     for name, kind, shape in listed:
@@ -178,12 +174,7 @@ def frames_done(folder: Path) -> int:
 
 
 def _read_document(path: Path, line: bytes) -> dict[str, Any]:
-    """Return what the first line of a checkpoint says.
-
-    Raises:
-        TakeError: It is foreign, or of another version.
-        ValueError: It is damaged.
-    """
+    """Return what the first line of a checkpoint says; a ``ValueError`` says that it is damaged."""
     document = parse_json(line.decode("utf-8"))
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise TakeError(f"{path}: is no checkpoint of a run")

@@ -1,32 +1,34 @@
-"""Exports of a run that was written before: all of them appear together, when they are whole."""
+"""Outputs of a take: those of a run in progress, and exports and reports of one that was written before."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from pydantic import ValidationError
 
 from crowdsim.config.schema import join
-from crowdsim.core.types import Array, Progress
 from crowdsim.errors import CrowdsimError, nearest
-from crowdsim.export.posed import PosedOutput, extent_of, write_posed
+from crowdsim.export.posed import FinishedTake, PosedOutput
+from crowdsim.export.select import parse_avatars
 from crowdsim.files import is_folder, move_plain, walk
+from crowdsim.outputs.report import ReportOutput
 from crowdsim.runs.manifest import EXPORT
 from crowdsim.runs.provenance import sources_hash
-from crowdsim.runs.stage import Wanted, planned_files, write_together
+from crowdsim.runs.stage import Wanted, write_together
 from crowdsim.scenario.frame_ranges import parse_frames
-from crowdsim.scenario.output import FPS
+from crowdsim.scenario.output import FPS, Output
 from crowdsim.scenario.outputs import REGISTRY
 from crowdsim.scenario.rates import parse_rate
 
 if TYPE_CHECKING:
-    from crowdsim.policy.policy import Policy
     from crowdsim.take.take import Take
+
+_Kind = TypeVar("_Kind", bound=Output)
 
 EXPORTS: dict[str, type[PosedOutput]] = {
     name: output for name, output in REGISTRY.items() if issubclass(output, PosedOutput)
@@ -56,8 +58,6 @@ def choose_outputs(
         TakeError: Avatars or frames are asked for that the take does not have.
         CrowdsimError: Nothing is chosen, there is no such output, or none of them has a key or takes its value or rate.
     """
-    from crowdsim.export.select import parse_avatars
-
     if not kinds:
         raise CrowdsimError(f"nothing to export, expected {_options(EXPORTS)}")
     for kind in kinds:
@@ -80,13 +80,8 @@ def choose_outputs(
             )
     chosen = []
     for output in map(EXPORTS.__getitem__, kinds):
-        try:
-            own = {key: _listed(output, key, value) for key, value in more.items() if key in output.model_fields}
-            wanted = output.model_validate({**given, **own})
-        except ValidationError as error:
-            found = error.errors()[0]
-            where, why = ".".join(map(str, found["loc"])), found.get("ctx", {}).get("error", found["msg"])
-            raise CrowdsimError(f"{output.name}: {where}{': ' if where else ''}{why}") from None
+        own = {key: _listed(output, key, value) for key, value in more.items() if key in output.model_fields}
+        wanted = _checked(output, {**given, **own})
         chosen.append(wanted.named(lambda name: None, getattr(take, "cameras", {})))
     return chosen
 
@@ -101,83 +96,75 @@ def _options(kinds: Iterable[str]) -> str:
     return join([f"--{kind}" for kind in kinds])
 
 
-def export_take(
-    folder: Path,
-    take: Take,
-    policies: Sequence[Policy],
-    outputs: Sequence[PosedOutput],
-    out: Path | None = None,
-    threads: int = 1,
-    progress: Progress | None = None,
-    force: bool = False,
-    obstacles: Array | None = None,
-) -> dict[str, list[Path]]:
-    """Export a run's take again; return the files of each output.
+def choose_report(take: Take, fps: float, frames: str | None, avatars: str | None, player: bool) -> ReportOutput:
+    """Return a report that a user chooses, with or without the player; all else as of ``choose_outputs``."""
+    given: dict[str, Any] = {"fps": fps, "player": player, "avatars": parse_avatars(avatars, take.cast)}
+    if frames is not None:
+        given["frames"] = parse_frames(frames).resolve(take.output_frames(fps), fps)
+    return _checked(ReportOutput, given)
 
-    What an interrupted export has finished is kept for the same export, and removed by another one. In the run's own
-    folder, exports take the place of those of their kind; in another one only with ``force``.
+
+def _checked(output: type[_Kind], keys: Mapping[str, Any]) -> _Kind:
+    try:
+        return output.model_validate(keys)
+    except ValidationError as error:
+        found = error.errors()[0]
+        where, why = ".".join(map(str, found["loc"])), found.get("ctx", {}).get("error", found["msg"])
+        raise CrowdsimError(f"{output.name}: {where}{': ' if where else ''}{why}") from None
+
+
+def write_outputs(
+    done: FinishedTake, outputs: Sequence[Output], lap: Callable[[str], None] = lambda stage: None
+) -> dict[str, Sequence[Path]]:
+    """Write what is missing of outputs of a take; return the files of each that has some, by their label.
 
     Args:
-        folder: The run folder.
-        take: Its take.
-        policies: Its policies.
-        outputs: What to export (``choose_outputs``).
-        out: Another folder for the folders of the outputs.
-        threads: Threads.
-        progress: Called with stage, done and total.
-        force: Whether to do it again although it is done, and to replace exports in another folder.
-        obstacles: Obstacles of its scenario, whose doors open by seconds. Shape (n,), ``PART``.
-
-    Raises:
-        TakeError: The manifest is damaged.
-        OutputError: A folder cannot be made or is in use, or holds other files of these names.
-        CrowdsimError: An output does not fit the policies.
-        RunError: A file cannot be written.
+        done: The take, and where its outputs go.
+        outputs: The outputs.
+        lap: Called with the name of each stage when it is over.
     """
+    from crowdsim.export.posed import write_posed
     from crowdsim.poses.sampler import PoseSampler
 
+    found: dict[str, Sequence[Path]] = {}
+    posed = [output for output in outputs if isinstance(output, PosedOutput)]
+    if posed:
+        sampler = PoseSampler(done.take, done.policies, done.threads, obstacles=done.obstacles)
+        found |= write_posed(sampler, done.folder, posed, done.threads, done.progress)
+        lap("export")
     for output in outputs:
-        for finding in output.findings_with(policies):
-            raise CrowdsimError(f"{output.name}: {finding}")
-    place, kinds = out or folder, [output.name for output in outputs]
-    files = planned_files(outputs, extent_of(take), take.cast.names.tolist(), take.scenario)
-    with write_together(place, _wanted(outputs, files, {"take": take_mark(take)}), folder, force, threads) as writing:
-        if writing.done:
-            written = {kind: [path for path in writing.done if path.parent.name == kind] for kind in kinds}
-        else:
-            sampler = PoseSampler(take, policies, threads, obstacles=obstacles)
-            written = write_posed(sampler, writing.folder, outputs, threads, progress)
-    return {kind: [place / kind / path.name for path in files] for kind, files in written.items()}
+        if not isinstance(output, PosedOutput) and (files := output.write(done)):
+            found[output.label or output.name] = files
+            lap(output.stage)
+    return {kind: files for kind, files in found.items() if files}
 
 
-def adopt_exports(folder: Path, apart: Path, outputs: Sequence[PosedOutput], threads: int = 1) -> None:
-    """Put exports of a finished run that ``export_take`` wrote into another folder in their places in the run's.
+def adopt_export(folder: Path, apart: Path, output: PosedOutput) -> None:
+    """Put an export of a finished run that was written into another folder in its place in the run's.
 
-    They appear under their names all together. A process that takes over from one that was killed completes it.
+    Its files appear under their names all together. A process that takes over from one that was killed completes it.
 
     Args:
         folder: The run folder.
-        apart: The other folder, on the same disk, with a folder for each output.
-        outputs: What was exported.
-        threads: Threads that sum up files.
+        apart: The other folder, on the same disk.
+        output: What was exported.
 
     Raises:
         TakeError: The manifest is damaged.
         OutputError: The folder is in use, or holds other files of these names beside a run's.
         RunError: A file cannot be written.
     """
-    kinds = [output.name for output in outputs]
-    folders = [(place, kind) for place in (apart, folder / EXPORT) for kind in kinds if is_folder(place, kind)]
-    names = {name for place, kind in folders for name in walk(place, kind)}
-    if not names:
-        return
-    with write_together(folder, _wanted(outputs, names, {}), folder, threads=threads) as writing:
-        for kind in kinds if not writing.done else ():
-            for name in walk(apart, kind) if is_folder(apart, kind) else ():
-                move_plain(apart, name, writing.folder)
+    places = [place for place in (apart, folder / EXPORT) if is_folder(place, output.name)]
+    names = {name for place in places for name in walk(place, output.name)}
+    if names:
+        with write_together(folder, wanted_files([output], names, {}), folder) as writing:
+            if apart in places and not writing.done:
+                for name in walk(apart, output.name):
+                    move_plain(apart, name, writing.folder)
 
 
-def _wanted(outputs: Sequence[PosedOutput], files: set[str], made_from: dict[str, Any]) -> Wanted:
+def wanted_files(outputs: Sequence[Output], files: Set[str], made_from: Mapping[str, Any]) -> Wanted:
+    """Return what a command writes: files of outputs, and what they are made from."""
     asked = {output.name: output.model_dump(mode="json", exclude_none=True) for output in outputs}
     return Wanted(EXPORT, asked, files, made_from, list(asked))
 

@@ -6,11 +6,9 @@ import json
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from enum import Enum, auto
 from pathlib import Path
-from typing import Any
-
-import yaml
+from textwrap import dedent
+from typing import Literal
 
 from crowdsim.errors import OutputError, TakeError
 from crowdsim.files import exists_plain, is_folder, read_plain, remove_plain, write_plain
@@ -24,24 +22,18 @@ from crowdsim.runs.stage import TAKE, read_note
 RESOLVED = "scenario.resolved.yaml"
 _LONGEST = 1 << 24
 """Longest resolved scenario that is read [bytes]."""
-_LONGEST_PART = 1 << 22
-"""Longest part of it that is read alone [characters], more than a scenario of the most bytes and values becomes."""
-_FAST: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _OF_OUTPUTS = {"fps", "cameras", "outputs"}
 """Keys of a resolved scenario that change no take."""
 _CHOICES = "--force replaces it, --out names another folder"
 _OTHERS = "expected an empty folder or a run's; --out names another"
 
 
-class Held(Enum):
-    """What a folder holds of a run that is asked for."""
+Held = Literal["nothing", "take", "run"]
+"""What a folder holds of a run that is asked for.
 
-    NOTHING = auto()
-    """Nothing, or the run unfinished."""
-    TAKE = auto()
-    """The take of a finished run, from which it goes on: longer, or with other outputs."""
-    RUN = auto()
-    """The run, finished."""
+``nothing``, or the run unfinished; the ``take`` of a finished run, from which it goes on: longer, or with other
+outputs; or the ``run``, finished.
+"""
 
 
 def check_folder(
@@ -85,7 +77,7 @@ def check_folder(
     except OSError as error:
         raise OutputError(f"{folder}: cannot be read: {error.strerror or error}") from None
     if not begun or force:
-        return Held.NOTHING
+        return "nothing"
     if origin is None:
         # It may be unfinished because it is still going.
         with hold_folder(folder):
@@ -99,7 +91,7 @@ def check_folder(
         if difference:
             what = "an unfinished run that cannot be continued, since something has changed"
             raise other_run(folder, what, difference)
-    return Held.NOTHING
+    return "nothing"
 
 
 def _check_finished(folder: Path, resolved: str, force: bool, more: tuple[float, bool] | None) -> Held:
@@ -108,12 +100,12 @@ def _check_finished(folder: Path, resolved: str, force: bool, more: tuple[float,
     except TakeError as error:
         raise OutputError(f"{error}; {_OTHERS}") from None
     if force:
-        return Held.NOTHING
+        return "nothing"
     before = read_resolved(folder)
     old, now = _parts(before), _parts(resolved)
     if more is not None:
         if _is_extended(folder, more, document.get("control_frames", 0)):
-            return Held.RUN
+            return "run"
         ended = document.get("outcome")
         if ended is not None:
             what = f"has come to the end of its scenario, {str(ended.get('kind', '')).replace('_', ' ')}"
@@ -121,9 +113,9 @@ def _check_finished(folder: Path, resolved: str, force: bool, more: tuple[float,
         now["duration"] = old.get("duration", "")
     if document.get("status") == "done":
         if old == now:
-            return Held.RUN if more is None else Held.TAKE
+            return "run" if more is None else "take"
         if more is None and _have_same_take(old, now):
-            return Held.TAKE
+            return "take"
     raise other_run(folder, "another run", scenario_difference(before, "".join(now.values())))
 
 
@@ -131,11 +123,8 @@ def _have_same_take(old: Mapping[str, str], now: Mapping[str, str]) -> bool:
     """Whether two resolved scenarios differ only in what changes no take, and needs nothing that was not measured."""
     if any(old.get(key) != now.get(key) for key in (old.keys() | now.keys()) - _OF_OUTPUTS):
         return False
-    try:
-        before, after = (_value(parts, "outputs") or {} for parts in (old, now))
-        return before.get("take") == after.get("take") and ("profile" in before or "profile" not in after)
-    except (ValueError, AttributeError):
-        return False
+    before, after = (_parts(dedent(parts.get("outputs", "").partition("\n")[2])) for parts in (old, now))
+    return before.get("take") == after.get("take") and ("profile" in before or "profile" not in after)
 
 
 def note_extension(folder: Path, more: tuple[float, bool], frames: int) -> None:
@@ -176,17 +165,8 @@ def read_resolved(folder: Path) -> str:
         return ""
 
 
-def resolved_value(folder: Path, key: str) -> Any:
-    """Return what the resolved scenario of a run, or of a stranger, says at one of its top keys.
-
-    Raises:
-        ValueError: It says nothing there, or nothing that can be read.
-    """
-    return _value(_parts(read_resolved(folder)), key)
-
-
 def _parts(resolved: str) -> dict[str, str]:
-    """Return the lines of a resolved scenario by its top keys."""
+    """Return the lines of a resolved scenario, or of one of its mappings, by its top keys."""
     found: dict[str, list[str]] = {}
     key = ""
     for line in resolved.splitlines(keepends=True):
@@ -194,17 +174,6 @@ def _parts(resolved: str) -> dict[str, str]:
             key = line.partition(":")[0]
         found.setdefault(key, []).append(line)
     return {key: "".join(lines) for key, lines in found.items()}
-
-
-def _value(parts: Mapping[str, str], key: str) -> Any:
-    """Return what a resolved scenario says at one of its top keys; errors as of ``resolved_value``."""
-    text = parts.get(key, "")
-    if not text or len(text) > _LONGEST_PART:
-        raise ValueError(f"has no {key!r}")
-    try:
-        return yaml.load(text, _FAST)[key]
-    except (yaml.YAMLError, RecursionError, LookupError, TypeError, AttributeError, OverflowError) as error:
-        raise ValueError(f"{key!r} cannot be read: {error}") from None
 
 
 def place_of(folder: Path) -> Path:

@@ -16,7 +16,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Any
+
+from pydantic import TypeAdapter
 
 from crowdsim.errors import OutputError, RunError
 from crowdsim.files import make_folder, read_plain, remove_plain, write_plain
@@ -65,12 +66,9 @@ def this_owner(command: str) -> Owner:
 def find_owner(folder: Path) -> Owner | None:
     """Return the process that holds a folder now; None where no process does. Nothing is written."""
     try:
-        document = json.loads(read_plain(folder, NAME, 1 << 16))
-        if document.pop("format") != FORMAT:
-            return None
-        owner = Owner(**document)
-        kinds: dict[str, Any] = {"pid": int, "started": (int, float)}
-        if not all(isinstance(value, kinds.get(name, str)) for name, value in asdict(owner).items()):
+        data = read_plain(folder, NAME, 1 << 16)
+        owner = TypeAdapter(Owner).validate_json(data, strict=True)
+        if json.loads(data).get("format") != FORMAT:
             return None
         if owner.host == socket.gethostname():
             return owner if owner.boot == boot_id() and _started(owner.pid) == owner.started else None
@@ -78,7 +76,7 @@ def find_owner(folder: Path) -> Owner | None:
             return None if decides else owner
     except BlockingIOError:
         return owner
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError):
+    except (OSError, ValueError):
         return None
 
 
@@ -122,11 +120,7 @@ def hold_folder(folder: Path, command: str = "") -> Iterator[None]:
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[bool]:
-    """Take the system's lock on a folder; give whether it has one, so that it decides.
-
-    Raises:
-        BlockingIOError: Another process has it.
-    """
+    """Take the system's lock on a folder unless another process has it; give whether there is one, which decides."""
     try:
         import fcntl
     except ImportError:

@@ -71,6 +71,13 @@ class FileEntry(DocumentModel):
     sha256: str
 
 
+class ExportEntry(OpenModel):
+    """Files that a command wrote again: what they depend on, and their names where only the command knows them."""
+
+    key: str = ""
+    files: list[str] = Field(default_factory=list)
+
+
 class RunManifest(OpenModel):
     """A manifest; keys that are missing are those of a run of an earlier version, or of none."""
 
@@ -84,7 +91,7 @@ class RunManifest(OpenModel):
     policy_folders: dict[str, str] = Field(default_factory=dict)
     inputs: list[str] = Field(default_factory=list)
     origin: dict[str, Any] = Field(default_factory=dict)
-    exports: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    exports: dict[str, ExportEntry] = Field(default_factory=dict)
     statistics: dict[str, Any] = Field(default_factory=dict)
     outcome: dict[str, Any] | None = None
     seconds: dict[str, _Seconds] = Field(default_factory=lambda: {"total": 0.0})
@@ -219,15 +226,10 @@ def checksums(folder: Path, names: Iterable[str] | None = None, threads: int = 1
     """
     chosen = sorted(set(walk(folder) if names is None else names) - _OWN)
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        return dict(zip(chosen, pool.map(lambda name: file_facts(folder, name), chosen), strict=True))
+        return dict(zip(chosen, pool.map(lambda name: _facts(folder, name), chosen), strict=True))
 
 
-def file_facts(folder: Path, name: str) -> dict[str, Any]:
-    """Return size and SHA-256 of a file of a folder, as a manifest lists them.
-
-    Raises:
-        OSError: It is missing or no regular file, or cannot be read.
-    """
+def _facts(folder: Path, name: str) -> dict[str, Any]:
     digest, size = hashlib.sha256(), 0
     with open_plain(folder, name) as file:
         for block in iter(lambda: file.read(1 << 20), b""):
@@ -287,7 +289,7 @@ def difference(folder: Path, name: str, report: Mapping[str, Any]) -> str:
         size = stat_plain(folder, name).st_size
         if size != report["bytes"]:
             return f"{path}: has {size} bytes, expected {report['bytes']}"
-        if file_facts(folder, name) != report:
+        if _facts(folder, name) != report:
             return f"{path}: has changed: its SHA-256 is not the one in {NAME}"
     except FileNotFoundError:
         return f"{path}: is missing"

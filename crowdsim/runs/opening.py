@@ -7,25 +7,25 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from pydantic import TypeAdapter
+import yaml
 
 from crowdsim import assets
-from crowdsim.core.types import Array, FileName
+from crowdsim.config.documents import document_fault
+from crowdsim.core.types import FileName
 from crowdsim.errors import CrowdsimError, PolicyError, RecipeError, TakeError
 from crowdsim.files import exists_plain
-from crowdsim.runs.folder import place_of, resolved_value
+from crowdsim.places.sketch import PlanError
+from crowdsim.runs.folder import RESOLVED, place_of, read_resolved
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import read_manifest
-from crowdsim.runs.recorded import RecordedRun
-from crowdsim.scenario.cameras import Cameras
-from crowdsim.scenario.heals import Heal, find_heals
-from crowdsim.scenario.output import FPS
-from crowdsim.scenario.parts import Arena
+from crowdsim.runs.recorded import RecordedRun, shown
+from crowdsim.scenario.scenario import Scenario
 from crowdsim.take.take import Take
 
 POLICIES = "policies"
 """Folder in a run's that policies are packed into."""
+_MOST_VALUES = 1 << 21
+"""Most values of a resolved scenario, more than one of the longest text becomes."""
 
 
 def open_run(folder: FileName) -> RecordedRun:
@@ -42,26 +42,45 @@ def open_run(folder: FileName) -> RecordedRun:
     folder = Path(folder)
     take = open_take(folder)
     policies = [load_policy(bundle_of(folder, name)) for name in take.cast.policy_names]
-    notes = []
+    run = recorded(folder, replace(take, policies=tuple(policies)))
+    notes = [*run.notes]
     if take.status != "done":
         notes.append(f"{folder}: the run was interrupted; {take.frame_count} control frames are there")
     elif not exists_plain(folder, MANIFEST):
         notes.append(f"{folder}: the run is not finished; its take is, some outputs may be missing")
-    return replace(recorded(folder, take), policies=tuple(policies), notes=tuple(notes))
+    return replace(run, notes=tuple(notes))
 
 
 def recorded(folder: Path, take: Take) -> RecordedRun:
-    """Return the run of a take in a folder, with what is known of its scenario, as far as that can be read."""
-    return RecordedRun.of(
-        take,
-        folder=folder,
-        arena=read_arena(folder),
-        obstacles=read_obstacles(folder),
-        fps=_read(folder, "fps", float, FPS),
-        cameras=_read(folder, "cameras", Cameras, {}),
-        health=_read_health(folder),
-        heals=_read_heals(folder, take.control_rate),
-    )
+    """Return the run of a take in a folder, with what its scenario shows; nothing where that cannot be read."""
+    place, found, notes = place_of(folder), dict[str, Any](), tuple[str, ...]()
+    try:
+        if exists_plain(place, RESOLVED):
+            found = shown(_read_scenario(place), place, take.control_rate)
+    except (ValueError, PlanError) as error:
+        what = "arena, obstacles, cameras and health of the run are not shown"
+        notes = (f"{place / RESOLVED}: cannot be read: {error}; {what}",)
+    return RecordedRun.of(take, folder=folder, notes=notes, **found)
+
+
+def _read_scenario(place: Path) -> Scenario:
+    """Return the scenario that was run, whose text is longer than what users may write, and may be a stranger's."""
+    try:
+        data = yaml.load(read_resolved(place), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    except (yaml.YAMLError, RecursionError, LookupError, TypeError, AttributeError, OverflowError) as error:
+        raise ValueError(str(error).partition("\n")[0]) from None
+    level, count = [data], 0
+    while level := [one for one in level if isinstance(one, dict | list)]:
+        # Values that others stand for count each time.
+        count += sum(map(len, level))
+        if count > _MOST_VALUES:
+            raise ValueError(f"more than {_MOST_VALUES:,} values")
+        level = [value for one in level for value in (one.values() if isinstance(one, dict) else one)]
+    # Without the folder in its context no file is read.
+    fault = document_fault(Scenario, data)
+    if fault:
+        raise ValueError(fault)
+    return Scenario.model_validate(data)
 
 
 def bundle_of(folder: Path, policy: str, fingerprint: str | None = None) -> Path:
@@ -111,60 +130,3 @@ def _fingerprint(bundle: Path) -> str | None:
         return str(read_document(bundle)["fingerprint"])
     except CrowdsimError:
         return None
-
-
-def read_arena(folder: Path) -> Array:
-    """Return the arena of the scenario that was run in a folder, see ``pack_arena``. Shape (5,).
-
-    Ground is open where the scenario is not there any more or says nothing that can be read.
-    """
-    from crowdsim.crowd.draw import pack_arena
-
-    arena: Any = _read(folder, "arena", Arena, None)
-    return np.zeros(5) if arena is None else pack_arena(arena)
-
-
-def read_obstacles(folder: Path) -> Array:
-    """Return the obstacles of the scenario that was run in a folder, see ``TakeSource``. Shape (n,), ``PART``.
-
-    There are none where the scenario, or a floor plan, is not there any more or says nothing that can be read.
-    """
-    from crowdsim.crowd.obstacles import obstacle_shapes
-    from crowdsim.places.arrays import pack_parts
-    from crowdsim.places.description import Obstacles
-    from crowdsim.places.sketch import PlanError
-    from crowdsim.scenario.parts import NoArena
-
-    arena: Any = _read(folder, "arena", Arena, NoArena(kind="none"))
-    obstacles: Any = _read(folder, "obstacles", Obstacles, ())
-    try:
-        return pack_parts(obstacle_shapes(obstacles, arena, place_of(folder)), None)
-    except PlanError:
-        return pack_parts((), None)
-
-
-def _read_health(folder: Path) -> dict[str, float]:
-    """Return the health at the start of avatars that can be hurt, by the names of their types [points]."""
-    types: dict[str, dict[str, Any]] = _read(folder, "types", dict[str, dict[str, Any]], {})
-    found = {name: keys["damage"].get("health") for name, keys in types.items() if isinstance(keys.get("damage"), dict)}
-    # What no scenario may say, such as a number without end, says nothing.
-    return {
-        name: float(points) for name, points in found.items() if isinstance(points, int | float) and 0 < points <= 1e6
-    }
-
-
-def _read_heals(folder: Path, rate: float) -> list[Heal]:
-    """Return when health is restored in a run; never where its scenario says nothing that can be read."""
-    groups, events = (_read(folder, key, tuple[dict[str, Any], ...], ()) for key in ("groups", "events"))
-    try:
-        return find_heals(groups, events, rate)
-    except (KeyError, TypeError, ValueError, OverflowError):  # a file that was changed by hand
-        return []
-
-
-def _read(folder: Path, key: str, kind: Any, otherwise: Any) -> Any:
-    """Return what the scenario that was run in a folder says at a key; ``otherwise`` where it says nothing readable."""
-    try:
-        return TypeAdapter(kind).validate_python(resolved_value(place_of(folder), key))
-    except ValueError:
-        return otherwise

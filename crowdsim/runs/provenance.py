@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import difflib
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from crowdsim import __version__
@@ -66,13 +64,9 @@ def _version(package: str) -> str:
 @cache
 def sources_hash() -> str:
     """Return the checksum of the code that decides what a run writes."""
-    package = Path(__file__).resolve().parent.parent
-    digest = hashlib.sha256()
-    for name in _SOURCES:
-        for path in sorted((package / name).rglob("*.py")):
-            digest.update(f"{path.relative_to(package).as_posix()}\n".encode())
-            digest.update(path.read_bytes().replace(b"\r\n", b"\n"))
-    return digest.hexdigest()
+    from crowdsim.training import fingerprint
+
+    return fingerprint.sources_hash(_SOURCES)
 
 
 def scenario_difference(before: str, now: str) -> list[str]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, field, fields, replace
 from fractions import Fraction
-from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,18 +15,24 @@ from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array, FileName, Progress
 from crowdsim.core.workers import CORES
-from crowdsim.errors import OutputError, TakeError
+from crowdsim.errors import CrowdsimError, OutputError, TakeError
+from crowdsim.files import exists_plain
 from crowdsim.places.kernels.records import PART
+from crowdsim.runs.folder import RESOLVED, place_of, read_resolved
 from crowdsim.scenario.camera import Camera
 from crowdsim.scenario.cameras import Chosen, camera_name
 from crowdsim.scenario.frame_ranges import parse_frames
-from crowdsim.scenario.heals import Heal
-from crowdsim.scenario.output import FPS
+from crowdsim.scenario.heals import Heal, find_heals
+from crowdsim.scenario.output import FPS, Output
 from crowdsim.scenario.rates import parse_rate
+from crowdsim.scenario.scenario import Scenario
 from crowdsim.take.take import Take
 
 if TYPE_CHECKING:
+    from crowdsim.export.posed import FinishedTake
+    from crowdsim.files import Writing
     from crowdsim.render.look import Look
+    from crowdsim.render.take_source import TakeSource
     from crowdsim.view.page import Page
     from crowdsim.view.recording import Recording
 
@@ -61,6 +68,25 @@ class RecordedRun(Take):
     def of(cls, take: Take, **more: Any) -> RecordedRun:
         """Return the run of a take; ``more`` are further fields."""
         return cls(**{**{one.name: getattr(take, one.name) for one in fields(take)}, **more})
+
+    def source(self, fps: float, threads: int = CORES) -> TakeSource:
+        """Return it as a source of pictures."""
+        from crowdsim.render.take_source import TakeSource
+
+        return TakeSource(
+            self, self.policies, fps, threads=threads, arena=self.arena, cameras=self.cameras, obstacles=self.obstacles
+        )
+
+    def outputs_in(
+        self, folder: Path, threads: int, progress: Progress | None, scenario: str, timings: Array | None = None
+    ) -> FinishedTake:
+        """Return it as what outputs are written from, into a folder."""
+        from crowdsim.export.posed import FinishedTake
+
+        return FinishedTake(
+            self, self.policies, folder, threads, progress, self.arena, timings, self.obstacles, self.cameras,
+            self.health, self.heals, scenario,
+        )  # fmt: skip
 
     @property
     def take(self) -> RecordedRun:
@@ -101,17 +127,50 @@ class RecordedRun(Take):
             OutputError: A folder cannot be made or is in use, or holds other files of these names.
             RunError: A file cannot be written.
         """
-        from crowdsim.runs.exports import choose_outputs, export_take
+        from crowdsim.runs.exports import choose_outputs
 
         wanted = (kinds,) if isinstance(kinds, str) else tuple(kinds)
         numbers = self._chosen(avatars)
         chosen = None if numbers is None else ",".join(map(str, numbers))
         outputs = choose_outputs(self, wanted, self.fps if fps is None else fps, _range_text(frames), chosen, **keys)
-        folder = self._place(out)
-        written = export_take(
-            self.folder or folder, self, self.policies, outputs, folder, threads, progress, force, self.obstacles
-        )
-        return [path for files in written.values() for path in files]
+        return list(chain(*self.write(outputs, self._place(out), threads, progress, force).values()))
+
+    def write(
+        self,
+        outputs: Sequence[Output],
+        out: Path,
+        threads: int = 1,
+        progress: Progress | None = None,
+        force: bool = False,
+    ) -> dict[str, list[Path]]:
+        """Write outputs into the run folder or another one; return the files of each.
+
+        What an interrupted command has finished is kept for the same one, and removed by another. Outputs are those of
+        ``runs.exports``; arguments and errors are those of ``export``.
+
+        Raises:
+            TakeError: A report shows the scenario, which cannot be read.
+            CrowdsimError: An output does not fit the policies, or a page would be too large.
+        """
+        from crowdsim.export.posed import extent_of, file_names
+        from crowdsim.runs.exports import take_mark, wanted_files, write_outputs
+        from crowdsim.runs.stage import planned_files, write_together
+
+        for output in outputs:
+            for finding in output.findings_with(self.policies):
+                raise CrowdsimError(f"{output.name}: {finding}")
+        folder, names, made_from = self.folder or out, self.cast.names.tolist(), {"take": take_mark(self)}
+        if any(output.name == "report" for output in outputs):
+            made_from["of"] = read_resolved(place_of(folder))
+            if not made_from["of"]:
+                raise TakeError(f"{folder / RESOLVED}: cannot be read, and the report shows it")
+        wanted = wanted_files(outputs, planned_files(outputs, extent_of(self), names, self.scenario), made_from)
+        with write_together(out, wanted, folder, force, threads) as writing:
+            if not writing.done:
+                write_outputs(self.outputs_in(writing.folder, threads, progress, made_from.get("of", "")), outputs)
+        found = {output.name: file_names(output, extent_of(self), names) for output in outputs}
+        # Avatars that never came have no file.
+        return {kind: [out / name for name in files if exists_plain(out, name)] for kind, files in found.items()}
 
     def render(
         self,
@@ -164,8 +223,7 @@ class RecordedRun(Take):
         from crowdsim.render.command import parse_size
         from crowdsim.render.look import Look
         from crowdsim.render.options import RenderOptions
-        from crowdsim.render.take_source import TakeSource
-        from crowdsim.runs.stage import write_pictures
+        from crowdsim.runs.stage import wanted_pictures, write_together
 
         rate = parse_rate(self.fps if fps is None else fps)
         given, said = _range_text(frames), size if isinstance(size, str) else "x".join(map(str, size))
@@ -186,11 +244,10 @@ class RecordedRun(Take):
         name = None if camera is None else camera_name(camera)
         drawn = {"size": said, "fps": rate, "frames": given, "camera": name, **asdict(options.look)}
 
-        source = TakeSource(
-            self, self.policies, rate, threads=threads, arena=self.arena, cameras=self.cameras, obstacles=self.obstacles
-        )
-        record = partial(write_pictures, drawn=drawn, run=self.folder, force=force, threads=threads)
-        return list(render(source, self._place(out), options, progress, record).files)
+        def record(folder: Path, planned: Sequence[Path], mark: str) -> AbstractContextManager[Writing]:
+            return write_together(folder, wanted_pictures(folder, planned, mark, drawn), self.folder, force, threads)
+
+        return list(render(self.source(rate, threads), self._place(out), options, progress, record).files)
 
     def view(
         self,
@@ -250,6 +307,32 @@ class RecordedRun(Take):
         if self.folder is None:
             raise OutputError("the run is in memory and has no folder, expected one for its files as 'out'")
         return self.folder
+
+
+def shown(scenario: Scenario, folder: Path, rate: float) -> dict[str, Any]:
+    """Return what pictures and reports show of a scenario, as fields of ``RecordedRun``.
+
+    Args:
+        scenario: The scenario, resolved.
+        folder: Folder of the files that it names.
+        rate: Control frames a second.
+
+    Raises:
+        PlanError: A floor plan cannot be read.
+    """
+    from crowdsim.crowd.draw import pack_arena
+    from crowdsim.crowd.obstacles import obstacle_shapes
+    from crowdsim.places.arrays import pack_parts
+
+    groups, events = ([one.model_dump() for one in part] for part in (scenario.groups, scenario.events))
+    return {
+        "arena": pack_arena(scenario.arena),
+        "obstacles": pack_parts(obstacle_shapes(scenario.obstacles, scenario.arena, folder), None),
+        "fps": scenario.fps,
+        "cameras": scenario.cameras,
+        "health": {name: one.damage.health for name, one in scenario.types.items() if one.damage is not None},
+        "heals": find_heals(groups, events, rate),
+    }
 
 
 def _range_text(frames: str | tuple[int, int] | None) -> str | None:

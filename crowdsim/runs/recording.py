@@ -74,7 +74,7 @@ def record(
     size, step = chunk_frames(avatars, run.scenario.outputs.take.chunk), max(1, _STEP_AVATAR_FRAMES // avatars)
     timings: list[Array] = []
     model = warm_up(crowd, search, profiled, run.device, run.advance)
-    with Simulation(crowd, run.threads, search, run.order, profiled, model, run.device) as simulation:
+    with Simulation(crowd, run.threads, search, profiled=profiled, model=model, device=run.device) as simulation:
         if begun is not None:
             _restore(simulation, begun, run.work)
             timings += [] if begun.timings is None else [begun.timings]
@@ -111,11 +111,7 @@ def record(
 
 
 def _restore(simulation: Simulation, begun: Checkpoint, folder: Path) -> None:
-    """Let a simulation go on from a checkpoint.
-
-    Raises:
-        TakeError: The checkpoint is of another run, or holds what no run can have.
-    """
+    """Let a simulation go on from a checkpoint, unless it is of another run, or holds what no run can have."""
     try:
         if int(begun.simulation["frame"]) != begun.frame:
             raise ValueError(f"it is of control frame {begun.frame}, and of {begun.simulation['frame']}")
@@ -171,7 +167,7 @@ def write_take(run: Run, crowd: Crowd, origin: str, begun: Checkpoint | None) ->
 
     timings = record(run, crowd, writer, counter, begun, keep)
     run.report.statistics = counter.finish()
-    return open_take(path), timings
+    return open_take(path, crowd.cast), timings
 
 
 def _begin(run: Run, crowd: Crowd) -> tuple[TakeWriter, StatisticsCounter]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from crowdsim.core.types import Array, FileName, Progress
+from crowdsim.core.types import FileName, Progress
 from crowdsim.runs.manifest import RUN as STAGE
 from crowdsim.scenario.scenario import Scenario
 
@@ -70,14 +70,16 @@ class Clock:
 
     Args:
         seconds: Where the time of each stage is added [s].
-        compilation: What is compiled meanwhile.
     """
 
-    def __init__(self, seconds: dict[str, float], compilation: Compilation | None = None) -> None:
-        self._seconds = seconds
-        self._compilation = compilation
-        self._begun = perf_counter()
-        self.start()
+    def __init__(self, seconds: dict[str, float]) -> None:
+        self._seconds, self._begun, self._since = seconds, perf_counter(), perf_counter()
+        self._compilation: Compilation | None = None
+        self._compiled = 0.0
+
+    def watch(self, compilation: Compilation) -> None:
+        """Count from now on what is compiled as a stage of its own."""
+        self._compilation, self._compiled = compilation, compilation.seconds
 
     def start(self) -> None:
         """Begin a lap now."""
@@ -89,17 +91,9 @@ class Clock:
         since, before = self._since, self._compiled
         self.start()
         compiling = min(self._compiled - before, self._since - since)
-        self._add(stage, self._since - since - compiling)
-        if self._compilation is not None:
-            self._add("compile", compiling)
-
-    def watch(self, compilation: Compilation) -> None:
-        """Count from now on what is compiled as a stage of its own."""
-        self._compilation = compilation
-        self._compiled = compilation.seconds
-
-    def _add(self, stage: str, seconds: float) -> None:
-        self._seconds[stage] = self._seconds.get(stage, 0.0) + seconds
+        times = {stage: self._since - since - compiling}
+        for name, seconds in (times if self._compilation is None else {**times, "compile": compiling}).items():
+            self._seconds[name] = self._seconds.get(name, 0.0) + seconds
 
     def total(self) -> float:
         """Return the time since the clock was made [s]."""
@@ -120,7 +114,6 @@ class Run:
         force: Whether what an earlier run has left in the folder may be removed.
         command: The command, for the manifest.
         more: What a finished run is extended by, see ``runner.run_to``.
-        order: Number of the avatar in each slot of storage at the start, which changes no result. Shape (N,).
         device: Where control runs, ``cpu`` or ``cuda``.
         policy_folders: Where its policies were found, by name.
         caught: The signal that asks the run to stop, once it has come.
@@ -137,7 +130,6 @@ class Run:
     force: bool = False
     command: str = ""
     more: tuple[float, bool] | None = None
-    order: Array | None = None
     device: str = "cpu"
     policy_folders: dict[str, str] = field(default_factory=dict)
     caught: list[int] = field(default_factory=list)

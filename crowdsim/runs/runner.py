@@ -6,13 +6,14 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, replace
+from itertools import chain
 from os.path import commonpath
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 from crowdsim import assets
 from crowdsim.compilation import watch_compilation
-from crowdsim.core.types import Array, FileName, Progress
+from crowdsim.core.types import FileName, Progress
 from crowdsim.crowd.cuda.device import choose_device
 from crowdsim.errors import CrowdsimError, OutputError, RunError, ScenarioError, TakeError, under_way
 from crowdsim.files import copy_plain, exists_plain, is_folder, remove_plain, walk, write_plain
@@ -30,27 +31,24 @@ from crowdsim.preparation.prepare import (
 from crowdsim.preparation.validation import check_scenario, late_events, output_findings
 from crowdsim.runs.checkpoint import NAME as CHECKPOINT
 from crowdsim.runs.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from crowdsim.runs.folder import RESOLVED, Held, check_folder, note_extension, other_run, read_resolved
+from crowdsim.runs.folder import RESOLVED, check_folder, note_extension, other_run, read_resolved
 from crowdsim.runs.lock import LOCKS, hold_folder
 from crowdsim.runs.manifest import NAME as MANIFEST
 from crowdsim.runs.manifest import NOTE, OUTPUTS, checksums, read_ledger, read_manifest
 from crowdsim.runs.manifest import RUN as STAGE
 from crowdsim.runs.provenance import Origin, document_difference, origin_of
-from crowdsim.runs.recorded import RecordedRun
+from crowdsim.runs.recorded import RecordedRun, shown
 from crowdsim.runs.run import Report, Run
-from crowdsim.runs.stage import TAKE, Stage, complete, complete_alone, open_stage, planned_files, refuse_others
-from crowdsim.scenario.heals import find_heals
+from crowdsim.runs.stage import TAKE, complete, complete_alone, open_stage, planned_files, refuse_others
 from crowdsim.scenario.output import Extent
 from crowdsim.scenario.scenario import Scenario, check_loaded, dump_scenario
 from crowdsim.scenario.warnings import policy_warnings
 from crowdsim.take.metadata import check_files
-from crowdsim.take.take import Take
 
 if TYPE_CHECKING:
     from crowdsim.crowd.crowd import Crowd
     from crowdsim.policy.policy import Policy
 
-_OWN = {RESOLVED, CHECKPOINT, MANIFEST, TAKE}
 _SIMULATED = {"control", "take", "statistics", "checkpoints"}
 """Stages that are not done again where only outputs differ."""
 
@@ -60,7 +58,6 @@ def run(
     policies: Sequence[Policy] | None = None,
     threads: int = 1,
     mocap: FileName | None = None,
-    order: Array | None = None,
     progress: Progress | None = None,
     device: str = "cpu",
 ) -> RecordedRun:
@@ -73,7 +70,6 @@ def run(
         policies: Its policies; found, and trained if need be, when None.
         threads: Threads; the take does not depend on them.
         mocap: Folder of capture for policies that are trained from it.
-        order: Number of the avatar in each slot of storage at the start, which changes no result. Shape (N,).
         progress: Called with stage, done and total.
         device: Where control runs: ``cpu``, ``cuda``, or ``auto`` for a GPU where a crowd is large and there is one.
 
@@ -83,32 +79,18 @@ def run(
         DeviceError: The device is unknown or missing.
         RunError: The run failed.
     """
-    from crowdsim.crowd.obstacles import pack_obstacles
     from crowdsim.runs.recording import record
     from crowdsim.take.memory import TakeCollector
 
     check_loaded(scenario)
     device = choose_device(device, scenario.avatar_count, scenario.opponents.search)
-    one = Run(scenario, threads, mocap, progress, order=order, device=device)
+    one = Run(scenario, threads, mocap, progress, device=device)
     if policies is None:
         check_scenario(scenario)
     crowd = _draw(one, policies)
     collector = TakeCollector(take_header(scenario, crowd), crowd.policies)
     record(one, crowd, collector)
-    return RecordedRun.of(
-        collector.take(),
-        arena=crowd.arena,
-        obstacles=pack_obstacles(scenario, None),
-        fps=scenario.fps,
-        **_shown(scenario, crowd.rate),
-    )
-
-
-def _shown(scenario: Scenario, rate: float) -> dict[str, Any]:
-    """Return what the player and reports show of a scenario: cameras, health, and when that is restored."""
-    health = {name: one.damage.health for name, one in scenario.types.items() if one.damage is not None}
-    groups, events = ([one.model_dump() for one in part] for part in (scenario.groups, scenario.events))
-    return {"cameras": scenario.cameras, "health": health, "heals": find_heals(groups, events, rate)}
+    return RecordedRun.of(collector.take(), **shown(scenario, scenario.folder, crowd.rate))
 
 
 def run_to(
@@ -159,8 +141,9 @@ def run_to(
     device = choose_device(device, scenario.avatar_count, scenario.opponents.search)
     one = Run(scenario, threads, mocap, progress, notify, Path(folder), force, command, more, device=device)
     complete_alone(one.folder)
-    if check_folder(one.folder, dump_scenario(scenario), force, more) is Held.RUN:
-        return _done_before(one)
+    if check_folder(one.folder, dump_scenario(scenario), force, more) == "run":
+        _note_done(one)
+        return one.report
     uses: list[str] = []
     if policies is None:
         check_scenario(scenario)
@@ -171,41 +154,29 @@ def run_to(
                 notify(training_notice(name, threads))
     with watch_compilation(notify, uses, threads) as compilation:
         one.clock.watch(compilation)
-        _run_in_folder(one, policies)
+        crowd = _draw(one, policies)
+        one.scenario.refuse(output_findings(one.scenario, crowd.policies))
+        for output in one.scenario.outputs.wanted():
+            output.prepare()
+        one.clock.lap("prepare")
+        if notify is not None and crowd.count >= LARGE:
+            notify(needs(crowd.count, crowd.frames, one.folder))
+        resolved = dump_scenario(one.scenario)
+        origin, plan = origin_of(resolved, crowd.policies), plan_run(one, crowd)
+        with one.catch_signals(), hold_folder(one.folder, command):
+            complete(one.folder)
+            # Another run may have come and gone since the first look.
+            held = check_folder(one.folder, resolved, force, more, origin)
+            if held == "run":
+                _note_done(one)
+            else:
+                _write(one, crowd, origin, plan, _end_of_finished(one, crowd, origin) if held == "take" else None)
         one.report.compiled = compilation.count
     return one.report
 
 
-def _run_in_folder(one: Run, policies: Sequence[Policy] | None) -> None:
-    """Run a scenario into a folder that is fit for it, unless another run has done so meanwhile."""
-    crowd = _draw(one, policies)
-    if policies is None:
-        one.policy_folders = bundle_folders([policy.name for policy in crowd.policies])
-    one.scenario.refuse(output_findings(one.scenario, crowd.policies))
-    for output in one.scenario.outputs.wanted():
-        output.prepare()
-    one.clock.lap("prepare")
-    if one.notify is not None and crowd.count >= LARGE:
-        one.notify(needs(crowd.count, crowd.frames, one.folder))
-    resolved = dump_scenario(one.scenario)
-    origin, plan = origin_of(resolved, crowd.policies), plan_run(one, crowd)
-    with one.catch_signals(), hold_folder(one.folder, one.command):
-        complete(one.folder)
-        # Another run may have come and gone since the first look.
-        held = check_folder(one.folder, resolved, one.force, one.more, origin)
-        if held is Held.RUN:
-            _done_before(one)
-            return
-        begun = _end_of_finished(one, crowd, origin) if held is Held.TAKE else None
-        _write_run(one, crowd, origin, plan, begun)
-
-
 def _end_of_finished(one: Run, crowd: Crowd, origin: Origin) -> Checkpoint:
-    """Return the checkpoint of the end of a finished run, from which it goes on.
-
-    Raises:
-        OutputError: Something has changed since; or there is none, or it is damaged or of another run.
-    """
+    """Return the checkpoint of the end of a finished run, from which it goes on unless something has changed since."""
     folder, manifest = one.folder, read_manifest(one.folder, ("origin",))
     difference = document_difference(manifest["origin"], origin.document())
     if difference:
@@ -232,44 +203,56 @@ def _end_of_finished(one: Run, crowd: Crowd, origin: Origin) -> Checkpoint:
     return begun
 
 
-def _write_run(one: Run, crowd: Crowd, origin: Origin, plan: set[str], finished: Checkpoint | None) -> None:
+def _write(one: Run, crowd: Crowd, origin: Origin, plan: set[str], finished: Checkpoint | None) -> None:
     """Write a run into its stage, or what is missing there, and put everything in its place.
 
-    Args:
-        one: The run, whose folder this process holds.
-        crowd: Its crowd.
-        origin: What it is made from.
-        plan: Names of all files that it writes.
-        finished: The end of the finished run in its folder that it goes on from.
-
-    Raises:
-        OutputError: Something is in the way.
-        RunError: The run failed, or something cannot be written.
-        Interrupted: A signal has come.
+    ``plan`` names all files that it writes; ``finished`` is the end of the finished run that it goes on from.
     """
+    from crowdsim.runs.exports import write_outputs
+    from crowdsim.runs.recording import write_take
+
+    work, scenario, report, inputs = one.work, one.scenario, one.report, _inputs(one.scenario)
     refuse_others(one.folder, plan, read_ledger(one.folder))
-    own = _OWN | {name.split("/")[0] for name in _inputs(one.scenario)}
+    own = {RESOLVED, CHECKPOINT, MANIFEST, TAKE, *(name.split("/")[0] for name in inputs)}
     planned = Counter(top for name in plan if (top := name.split("/")[0]) not in own)
     note = {"origin": origin.document(), "planned": planned}
     survives = (RESOLVED, CHECKPOINT, TAKE, f"{TAKE}.partial")
     stage = open_stage(one.folder, STAGE, origin.checksum, note, one.force, survives)
-    if finished is not None and not exists_plain(stage.path, CHECKPOINT):
+    if finished is not None and not exists_plain(work, CHECKPOINT):
         for part in walk(one.folder / TAKE):
             # A chunk is never written again.
             is_chunk = part.rpartition("/")[2][0].isdecimal()
-            copy_plain(one.folder / TAKE / part, stage.path, f"{TAKE}.partial/{part}", link=is_chunk)
-        write_checkpoint(stage.path, replace(finished, origin=origin.checksum))
+            copy_plain(one.folder / TAKE / part, work, f"{TAKE}.partial/{part}", link=is_chunk)
+        write_checkpoint(work, replace(finished, origin=origin.checksum))
     # What is half-written.
-    remove_plain(stage.path, [name for name in walk(stage.path) if name.endswith((".part", ".partial"))])
+    remove_plain(work, [name for name in walk(work) if name.endswith((".part", ".partial"))])
     begun = _find_begun(one, origin) if stage.goes_on or finished is not None else None
     one.clock.lap("prepare")
     try:
         with under_way():
-            _write(one, crowd, origin, begun, stage)
+            write_plain(work, RESOLVED, origin.scenario)
+            for source, name in zip(scenario.files, inputs[1:], strict=True):
+                copy_plain(scenario.folder / source, work, name)
+            take, timings = write_take(one, crowd, origin.checksum, begun)
+            one.clock.lap("take")
+            run = RecordedRun.of(take, policies=tuple(crowd.policies), **shown(scenario, scenario.folder, crowd.rate))
+            done = run.outputs_in(work, one.threads, one.advance_outputs, origin.scenario, timings)
+            # Files that are there already are whole, and are not written again.
+            outputs = write_outputs(done, scenario.outputs.wanted(), one.clock.lap)
+            one.advance_outputs("checksums", 0, 1)
+            files = {"take": [f"{TAKE}/{name}" for name in walk(work / TAKE)]}
+            files |= {kind: [path.relative_to(work).as_posix() for path in paths] for kind, paths in outputs.items()}
+            hashes = checksums(work, [*chain(*files.values()), CHECKPOINT, *inputs], one.threads)
+            for kind, names in files.items():
+                # One file is named, of several the folder that they are in.
+                place, count = (TAKE, 1) if kind == "take" else (commonpath(names), len(names))
+                report.outputs[kind] = one.folder / place, count, sum(hashes[name]["bytes"] for name in names)
+            one.clock.lap("checksums")
+            stage.publish(_manifest(one, crowd, origin), hashes)
+            one.advance_outputs("checksums", 1, 1)
     except OSError as error:
-        raise RunError(
-            f"{error.filename or one.folder}: cannot be read or written: {error.strerror or error}"
-        ) from error
+        what = f"cannot be read or written: {error.strerror or error}"
+        raise RunError(f"{error.filename or one.folder}: {what}") from error
 
 
 def _find_begun(one: Run, origin: Origin) -> Checkpoint | None:
@@ -299,6 +282,9 @@ def _draw(one: Run, policies: Sequence[Policy] | None = None) -> Crowd:
     for event in scenario.place(late_events(scenario)):
         one.tell(str(event))
     policies = load_policies(scenario, one.mocap, one.threads, one.progress)
+    for name in (policy.name for policy in policies):
+        with suppress(CrowdsimError):
+            one.policy_folders[name] = str(assets.find_bundle(name).absolute())
     one.clock.lap("policies")
     if one.notify is not None:
         warnings = policy_warnings(scenario, {policy.name: policy.statistics for policy in policies})
@@ -339,67 +325,9 @@ def _inputs(scenario: Scenario) -> list[str]:
     return [RESOLVED, *(PurePosixPath(name).as_posix() for name in scenario.files)]
 
 
-def _write(one: Run, crowd: Crowd, origin: Origin, begun: Checkpoint | None, stage: Stage) -> None:
-    """Write everything into the stage of a run, or what is missing there, and put it in its place."""
-    from crowdsim.runs.recording import write_take
-
-    work, scenario = one.work, one.scenario
-    write_plain(work, RESOLVED, origin.scenario)
-    for name in scenario.files:
-        copy_plain(scenario.folder / name, work, PurePosixPath(name).as_posix())
-    take, timings = write_take(one, crowd, origin.checksum, begun)
-    one.clock.lap("take")
-    outputs = _write_outputs(one, take, crowd.policies, timings)
-    one.advance_outputs("checksums", 0, 1)
-    parts = [f"{TAKE}/{name}" for name in walk(work / TAKE)]
-    names = [name for _, names in outputs.values() for name in names]
-    hashes = checksums(work, [*names, *parts, CHECKPOINT, *_inputs(scenario)], one.threads)
-    one.report.outputs["take"] = one.folder / TAKE, 1, sum(hashes[name]["bytes"] for name in parts)
-    for kind, (place, names) in outputs.items():
-        one.report.outputs[kind] = one.folder / place, len(names), sum(hashes[name]["bytes"] for name in names)
-    one.clock.lap("checksums")
-    stage.publish(_manifest(one, crowd, origin), hashes)
-    one.advance_outputs("checksums", 1, 1)
-
-
-def _write_outputs(
-    run: Run, take: Take, policies: Sequence[Policy], timings: Array | None
-) -> dict[str, tuple[str, list[str]]]:
-    """Write the outputs that a run's scenario asks for from its take; return where each is, and its files.
-
-    Files that are there already are whole, and are not written again.
-
-    ``timings`` is what control cost where that was measured. Shape (frames, 6), int64 [ns].
-    """
-    from crowdsim.crowd.draw import pack_arena
-    from crowdsim.crowd.obstacles import pack_obstacles
-    from crowdsim.export.posed import FinishedTake, PosedOutput, write_posed
-    from crowdsim.poses.sampler import PoseSampler
-
-    arena = pack_arena(run.scenario.arena)
-    obstacles = pack_obstacles(run.scenario, None)
-    shown = _shown(run.scenario, take.control_rate)
-    done = FinishedTake(take, policies, run.work, run.threads, run.advance_outputs, arena, timings, obstacles, **shown)
-    found: dict[str, Sequence[Path]] = {}
-    wanted = run.scenario.outputs.wanted()
-    posed = [output for output in wanted if isinstance(output, PosedOutput)]
-    if posed:
-        sampler = PoseSampler(take, policies, run.threads, obstacles=obstacles)
-        found |= write_posed(sampler, run.work, posed, run.threads, run.advance_outputs)
-        run.clock.lap("export")
-    for output in wanted:
-        if not isinstance(output, PosedOutput) and (files := output.write(done)):
-            found[output.label or output.name] = files
-            run.clock.lap(output.stage)
-    names = {kind: [path.relative_to(run.work).as_posix() for path in files] for kind, files in found.items() if files}
-    # One file is named, of several the folder that they are in.
-    return {kind: (commonpath(files), files) for kind, files in names.items()}
-
-
 def _manifest(one: Run, crowd: Crowd, origin: Origin) -> dict[str, Any]:
-    report = one.report
-    report.seconds["total"] = one.clock.total()
-    statistics = report.statistics
+    statistics, seconds = one.report.statistics, one.report.seconds
+    seconds["total"] = one.clock.total()
     return {
         "status": "done",
         "scenario": one.scenario.name,
@@ -408,46 +336,26 @@ def _manifest(one: Run, crowd: Crowd, origin: Origin) -> dict[str, Any]:
         "threads": one.threads,
         "device": one.device,
         "avatars": crowd.count,
-        "control_frames": report.statistics.control_frames if report.statistics else crowd.frames,
-        "outcome": report.outcome,
+        "control_frames": statistics.control_frames if statistics else crowd.frames,
+        "outcome": one.report.outcome,
         "policies": {policy.name: policy.fingerprint for policy in crowd.policies},
         "policy_folders": one.policy_folders,
         "inputs": _inputs(one.scenario),
         "origin": origin.document(),
         "statistics": {} if statistics is None else asdict(statistics),
-        "seconds": {stage: round(value, 6) for stage, value in report.seconds.items()},
+        "seconds": {stage: round(value, 6) for stage, value in seconds.items()},
         "peak_memory_bytes": peak_memory(),
     }
 
 
-def bundle_folders(names: Sequence[str]) -> dict[str, str]:
-    """Return where the policies of these names are found from here; those that are given otherwise are left out."""
-    found = {}
-    for name in names:
-        with suppress(CrowdsimError):
-            found[name] = str(assets.find_bundle(name).absolute())
-    return found
+def _note_done(one: Run) -> None:
+    """Report that a run was finished before, and which of its policies have been trained otherwise since."""
+    from crowdsim.policy.bundle import read_document
 
-
-def _done_before(one: Run) -> Report:
     one.report.done_before = True
     if one.more is not None:
         one.tell(f"{one.folder}: the extension that was interrupted is complete")
-    for line in _changed_policies(one.folder):
-        one.tell(line)
-    return one.report
-
-
-def _changed_policies(folder: Path) -> list[str]:
-    """Return a note for each policy of a finished run that has been trained otherwise since."""
-    from crowdsim.policy.bundle import read_document
-
-    notes = []
-    for name, fingerprint in read_manifest(folder).get("policies", {}).items():
-        try:
-            now = read_document(assets.find_bundle(name))["fingerprint"]
-        except CrowdsimError:
-            continue
-        if now != fingerprint:
-            notes.append(f"{folder}: policy {name!r} has been trained again since; --force runs with it")
-    return notes
+    for name, fingerprint in read_manifest(one.folder).get("policies", {}).items():
+        with suppress(CrowdsimError):
+            if read_document(assets.find_bundle(name))["fingerprint"] != fingerprint:
+                one.tell(f"{one.folder}: policy {name!r} has been trained again since; --force runs with it")

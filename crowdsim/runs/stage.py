@@ -9,7 +9,7 @@ comes last; where the process ends on the way, the next command that writes comp
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from os.path import lexists, realpath
 from pathlib import Path
 from time import perf_counter
@@ -360,13 +360,13 @@ def write_together(
         ledger = read_ledger(base)
         exports = ledger.document.get("exports", {})
         before = [exports.get(name, {}) for name in asked]
-        if not force and all(facts.get("key") == key for facts in before):
-            there = [name for name in ledger.files if name in (mine or before[0].get("files", ()))]
-            if there and all(exists_plain(base, name) for name in there):
-                if read_note(base / wanted.stage) is not None:
-                    discard(base, wanted.stage)
-                yield Writing(base / above, tuple(base / name for name in there))
-                return
+        is_same = not force and all(facts.get("key") == key for facts in before)
+        there = [name for name in ledger.files if is_same and name in (mine or before[0].get("files", ()))]
+        if there and all(exists_plain(base, name) for name in there):
+            if read_note(base / wanted.stage) is not None:
+                discard(base, wanted.stage)
+            yield Writing(base / above, tuple(base / name for name in there))
+            return
         if mine is not None:
             _refuse(base, mine, ledger, force or (own and not above))
         stage = open_stage(base, wanted.stage, key)
@@ -398,26 +398,14 @@ def _refuse(base: Path, planned: Set[str], ledger: Ledger, may_replace: bool) ->
         raise OutputError(f"{base / there}: is there already; --force replaces what crowdsim has written")
 
 
-def write_pictures(
-    out: Path,
-    planned: Sequence[Path],
-    mark: str,
-    drawn: Mapping[str, Any],
-    run: Path | None = None,
-    force: bool = False,
-    threads: int = 1,
-) -> AbstractContextManager[Writing]:
-    """Let a rendering write into a folder; further arguments and errors are those of ``write_together``.
+def wanted_pictures(out: Path, planned: Sequence[Path], mark: str, drawn: Mapping[str, Any]) -> Wanted:
+    """Return what a rendering writes into a folder.
 
     Args:
         out: The folder.
         planned: All files that it writes there.
         mark: What the pictures depend on.
         drawn: What a reader should know of them.
-        run: The run that they are of; None for other sources.
-        force: Whether pictures in another folder may be replaced.
-        threads: Threads that sum up files.
     """
     names = {path.relative_to(out).as_posix() for path in planned}
-    wanted = Wanted(PICTURES, {"pictures": drawn}, names, {"mark": mark, "files": sorted(names)})
-    return write_together(out, wanted, run, force, threads)
+    return Wanted(PICTURES, {"pictures": drawn}, names, {"mark": mark, "files": sorted(names)})

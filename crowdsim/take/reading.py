@@ -24,14 +24,18 @@ _LATER = ("limb", "outcome", "damage", "down")
 """Variables of strikes that older takes do not have."""
 
 
-def read_take(folder: Path) -> Take:
+def read_take(folder: Path, cast: Cast | None = None) -> Take:
     """Return what the group in a folder holds, which has no links in it.
+
+    Args:
+        folder: The folder.
+        cast: What is constant for each avatar, where this process has written it; read and checked when None.
 
     Raises:
         TakeError: It is damaged, foreign or of another version, or its names are none that a scenario could have.
     """
     attributes = _read_attributes(folder)
-    names = _read_names(folder)
+    names = _read_names(folder) if cast is None else cast.names
     sizes = {
         "N": len(names),
         "G": len(attributes["target_names"]),
@@ -40,23 +44,7 @@ def read_take(folder: Path) -> Take:
         "policies": len(attributes["policy_names"]),
         "groups": len(attributes.get("group_names", ())),
     }
-    constant = {
-        CAST[name]: open_column(folder / name, column, sizes)[:]
-        for name, column in checks.CAST.items()
-        if (name not in LATER_CAST or (folder / name).is_dir()) and (name != "group" or attributes.get("group_names"))
-    }
-    colours = [[np.nan if c is None else c for c in row] for row in attributes["type_colours"]]
-    cast = Cast(
-        names=names,
-        **constant,
-        type_names=tuple(attributes["type_names"]),
-        team_names=tuple(attributes["team_names"]),
-        policy_names=tuple(attributes["policy_names"]),
-        group_names=tuple(attributes.get("group_names", ())),
-        colours=np.array(colours, float).reshape(-1, 3),
-        attachments=_read_attachments(attributes),
-    )
-    _check_names(folder, cast)
+    cast = cast or _read_cast(folder, attributes, names, sizes)
     frames = _open_frames(folder, sizes)
     targets = np.zeros((sizes["F"], 0, 3), np.float32)
     return Take(
@@ -74,6 +62,27 @@ def read_take(folder: Path) -> Take:
         reactions=attributes.get("reactions", True),
         collision_avoidance=attributes.get("collision_avoidance", True),
     )
+
+
+def _read_cast(folder: Path, attributes: Mapping[str, Any], names: Array, sizes: dict[str, int]) -> Cast:
+    constant = {
+        CAST[name]: open_column(folder / name, column, sizes)[:]
+        for name, column in checks.CAST.items()
+        if (name not in LATER_CAST or (folder / name).is_dir()) and (name != "group" or attributes.get("group_names"))
+    }
+    colours = [[np.nan if c is None else c for c in row] for row in attributes["type_colours"]]
+    cast = Cast(
+        names=names,
+        **constant,
+        type_names=tuple(attributes["type_names"]),
+        team_names=tuple(attributes["team_names"]),
+        policy_names=tuple(attributes["policy_names"]),
+        group_names=tuple(attributes.get("group_names", ())),
+        colours=np.array(colours, float).reshape(-1, 3),
+        attachments=_read_attachments(attributes),
+    )
+    _check_names(folder, cast)
+    return cast
 
 
 def _read_attachments(attributes: Mapping[str, Any]) -> Array:

@@ -30,7 +30,7 @@ from crowdsim.take.layout import (
 from crowdsim.take.metadata import check_files
 from crowdsim.take.reading import read_take
 from crowdsim.take.resume import check_writer, read_writer, reopen_take, restore_writer
-from crowdsim.take.take import VARIABLES, Events, Take
+from crowdsim.take.take import VARIABLES, Cast, Events, Take
 
 
 class TakeWriter:
@@ -129,7 +129,7 @@ class TakeWriter:
             values = np.asarray(getattr(cast, field))
             if name == "group" and not cast.group_names:
                 continue
-            kind = f"<U{max(1, max(map(len, values), default=1))}" if name == "name" else _little(values.dtype)
+            kind = f"<U{max(1, np.char.str_len(values).max(initial=1))}" if name == "name" else _little(values.dtype)
             array = self._create(self.group, name, (avatars,), (max(1, avatars),), kind, ["avatar"])
             array[...] = values.astype(kind)
         if targets:
@@ -265,11 +265,12 @@ def _little(dtype: Any) -> str:
     return np.dtype(dtype).newbyteorder("<").str
 
 
-def open_take(path: FileName) -> Take:
+def open_take(path: FileName, cast: Cast | None = None) -> Take:
     """Open a take for reading; what is recorded per frame is read when it is sliced.
 
     Args:
         path: The take, or the run folder that holds ``take.zarr``.
+        cast: What is constant for each avatar, where this process has written it; read and checked when None.
 
     Raises:
         TakeError: There is no take, it is damaged, foreign or of another version, or its run is not finished; it holds
@@ -290,7 +291,7 @@ def open_take(path: FileName) -> Take:
         raise TakeError(f"{folder}: no take here{found}")
     try:
         check_files(folder)
-        return read_take(folder)
+        return read_take(folder, cast)
     except OSError as error:
         raise TakeError(f"{folder}: cannot be read: {error.strerror or error}") from None
     except MemoryError:

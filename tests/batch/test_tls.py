@@ -1,8 +1,10 @@
 """Only processes with the certificates of a batch can speak to its processes."""
 
+import os
 import socket
 import ssl
 import stat
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -84,6 +86,28 @@ def test_a_dashboard_is_there_on_demand() -> None:
     options = BatchOptions(jobs=1, dashboard=True)
     with connect(options, find_certificates(options)) as client:
         assert dashboard_address(client).startswith("http://127.0.0.1:")
+
+
+HOMELESS = """
+import os, pwd
+from crowdsim.batch.workers import BatchOptions, connect, dashboard_address, find_certificates
+def unknown(number):
+    raise KeyError(number)
+if __name__ == "__main__":
+    pwd.getpwuid = unknown
+    options = BatchOptions(jobs=1, dashboard=True)
+    with connect(options, find_certificates(options)) as client:
+        assert dashboard_address(client).startswith("http://127.0.0.1:")
+    assert "HOME" not in os.environ
+"""
+
+
+def test_a_dashboard_is_there_for_users_without_a_home(tmp_path: Path) -> None:
+    program = tmp_path / "homeless.py"
+    program.write_text(HOMELESS)
+    without = {name: value for name, value in os.environ.items() if name != "HOME"}
+    done = subprocess.run([sys.executable, program], env=without, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
 
 
 def test_certificates_of_another_authority_and_none_are_refused(scheduler: str, files: dict[str, Any]) -> None:

@@ -21,7 +21,7 @@ from crowdsim.policy.bundle import load_policy, read_timings, with_checksum
 from crowdsim.runs.archive import opened
 from crowdsim.runs.checkpoint import read_checkpoint
 from crowdsim.runs.manifest import NOTE, RUN, checksums, signed_manifest, signed_text, verify
-from crowdsim.runs.opening import open_run, read_arena
+from crowdsim.runs.opening import open_run
 from crowdsim.runs.stage import complete
 from crowdsim.runs.status import describe_run
 
@@ -73,7 +73,6 @@ def run_on_disk(base: Using, kind: str, seed: int | None) -> None:
 def _use_run(base: Using, folder: Path) -> None:
     """Do what commands do with a run, each as if it were alone."""
     describe_run(folder)
-    read_arena(folder)
     for read in (verify, read_checkpoint, complete, verify):
         with suppress(CrowdsimError):
             read(folder)

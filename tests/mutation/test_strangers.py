@@ -367,13 +367,13 @@ def test_a_take_with_wrong_attributes_is_refused(place: Path, capsys, name: str,
     assert f"run/take.zarr/.zattrs: is damaged: {message}" in capsys.readouterr().err
 
 
-MANIFESTS = {
+MANIFESTS: dict[str, tuple[Any, str]] = {
     "avatars": ("x", "avatars: is 'x', expected a whole number"),
     "files": ([], "files: is a list, expected a mapping"),
     "seconds": ({}, "seconds: lacks 'total'"),
     "policies": (["tiny"], "policies: is a list, expected a mapping"),
     "inputs": ({"a": 1}, "inputs: is a mapping, expected a list"),
-    "exports": ([1], "exports: is a list, expected a mapping"),
+    "exports": ({"plots": {"files": 5}}, "exports.plots.files: is 5, expected a list"),
 }
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from scenes import crowdsim, write_scene
 
-from crowdsim.runs.opening import read_arena
+from crowdsim.runs.opening import open_run
 
 
 @pytest.mark.parametrize(
@@ -19,14 +19,26 @@ from crowdsim.runs.opening import read_arena
 def test_the_arena_is_that_of_the_scenario_that_was_run(workplace: Path, arena: dict, numbers: list[float]) -> None:
     write_scene(workplace / "four.yaml", arena=arena, duration=3)
     assert crowdsim("run", "four.yaml", "--out", "run", "--quiet") == 0
-    assert read_arena(workplace / "run").tolist() == numbers
+    assert open_run(workplace / "run").arena.tolist() == numbers
 
 
-@pytest.mark.parametrize("text", [None, "", "arena: [", "arena: {kind: moon}", "name: four"])
-def test_without_a_readable_scenario_ground_is_open(tmp_path: Path, text: str | None) -> None:
-    if text is not None:
-        (tmp_path / "scenario.resolved.yaml").write_text(text)
-    assert not read_arena(tmp_path).any()
+def test_without_a_readable_scenario_ground_is_open(workplace: Path) -> None:
+    write_scene(workplace / "four.yaml", arena={"kind": "circle", "radius": 8}, duration=3)
+    assert crowdsim("run", "four.yaml", "--out", "run", "--quiet") == 0
+    resolved = workplace / "run" / "scenario.resolved.yaml"
+    whole = resolved.read_text()
+    for text in ("", "arena: [", "arena: {kind: moon}", "name: four", whole.replace("radius: 8.0", "radius: -8.0")):
+        resolved.write_text(text)
+        run = open_run(workplace / "run")
+        assert not run.arena.any()
+        (note,) = run.notes
+        assert note.startswith(f"{resolved}: cannot be read: ")
+        assert note.endswith("; arena, obstacles, cameras and health of the run are not shown")
+    resolved.unlink()
+    run = open_run(workplace / "run")
+    assert (run.arena.any(), run.notes) == (False, ())
+    resolved.symlink_to("/dev/zero")
+    assert not open_run(workplace / "run").arena.any()
 
 
 def test_the_border_is_in_the_pictures_of_render_and_of_run_alike(workplace: Path) -> None:

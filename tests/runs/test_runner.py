@@ -1,6 +1,7 @@
 """Runs from scenario to manifest, and everything that can go wrong on the way."""
 
 import errno
+import functools
 import hashlib
 import json
 import os
@@ -19,12 +20,13 @@ from scenes import crowdsim, write_scene
 
 import crowdsim as package
 from crowdsim.crowd.draw import draw_crowd
+from crowdsim.crowd.simulation import Simulation
 from crowdsim.errors import RunError
 from crowdsim.preparation import prepare as preparation
 from crowdsim.preparation.prepare import load_policies
-from crowdsim.runs import runner
+from crowdsim.runs import recording, runner
 from crowdsim.runs.manifest import Verdict, read_manifest, verify, write_manifest
-from crowdsim.runs.opening import read_obstacles
+from crowdsim.runs.opening import open_run
 from crowdsim.runs.runner import run, run_to
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.store import open_take
@@ -106,11 +108,16 @@ def test_takes_do_not_depend_on_the_search(workplace: Path, capsys) -> None:
     assert not (workplace / "no").exists()
 
 
-def test_takes_do_not_depend_on_the_order_of_storage_and_python_runs_as_the_command_line_does(workplace: Path) -> None:
+def test_takes_do_not_depend_on_the_order_of_storage_and_python_runs_as_the_command_line_does(
+    workplace: Path, monkeypatch
+) -> None:
     path = write_scene(workplace / "four.yaml")
     scenario = package.load_scenario(path)
     policies = load_policies(scenario)
-    plain, permuted = run(scenario, policies), run(scenario, policies, order=np.array([2, 0, 3, 1]), threads=2)
+    plain = run(scenario, policies)
+    with monkeypatch.context() as patch:
+        patch.setattr(recording, "Simulation", functools.partial(Simulation, order=np.array([2, 0, 3, 1])))
+        permuted = run(scenario, policies, threads=2)
     assert crowdsim("run", path, "--out", "written") == 0
     stored = open_take(workplace / "written")
     for take in (permuted, stored):
@@ -331,14 +338,14 @@ def test_a_floor_plan_of_a_run_is_a_regular_file(workplace: Path, finish) -> Non
     (workplace / "plan.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
     write_scene(workplace / "four.yaml", obstacles={"file": "plan.geojson"})
     finish(workplace)
-    assert len(read_obstacles(workplace / "run")) == 1
+    assert len(open_run(workplace / "run").obstacles) == 1
     plan = workplace / "run" / "plan.geojson"
     plan.unlink()
     os.mkfifo(plan)
-    assert len(read_obstacles(workplace / "run")) == 0
+    assert len(open_run(workplace / "run").obstacles) == 0
     plan.unlink()
     plan.symlink_to("/dev/zero")
-    assert len(read_obstacles(workplace / "run")) == 0
+    assert len(open_run(workplace / "run").obstacles) == 0
 
 
 def test_the_plan_of_a_run_names_all_that_it_writes(workplace: Path, monkeypatch) -> None:
