@@ -29,7 +29,7 @@ def report(
     threads: Threads = CORES,
     force: Force = False,
 ) -> None:
-    """Write a report of a run as one page: statistics with verdicts, the player, how to repeat it."""
+    """Write a report of a run as one page: statistics with verdicts, pictures, the player, how to repeat it."""
     from crowdsim.compilation import watch_compilation
     from crowdsim.runs.opening import open_run
     from crowdsim.runs.reports import write_report
@@ -41,6 +41,6 @@ def report(
         run = open_run(unpacked)
         for line in run.notes:
             note(line)
-        with Bars() as bars, watch_compilation(bars.note, ["bvh"], threads):
+        with Bars() as bars, watch_compilation(bars.note, ["pictures"], threads):
             path = write_report(run, unpacked, target, avatars, frames, fps, player, threads, bars, force)
     say(f"{path}: {size_text(path.stat().st_size)}")
