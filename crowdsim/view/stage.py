@@ -20,6 +20,8 @@ from crowdsim.view.why import describe_decision, describe_values
 
 BACKLOG = 0.25
 """How far behind time a session may be to catch up without a jump; pages smooth that [s]."""
+TURN = 0.001
+"""For how long a session that is late lets others go before it [s]."""
 Send = Callable[[str | bytes], None]
 """Sends a message to one who watches; called by any thread."""
 
@@ -403,7 +405,8 @@ class Stage:
                 due = time.monotonic()
                 continue
             due = next_due(due, interval, time.monotonic())
-            self._ended.wait(max(0.0, due - time.monotonic()))
+            # Where it is late, those who ask for something have their turn all the same.
+            self._ended.wait(max(TURN, due - time.monotonic()))
             with self._lock:
                 if not self.paused and not self._ended.is_set():
                     try:
