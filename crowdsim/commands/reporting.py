@@ -29,7 +29,7 @@ def report(
     threads: Threads = CORES,
     force: Force = False,
 ) -> None:
-    """Write a report of a run as one page: statistics with verdicts, the player, how to repeat it."""
+    """Write a report of a run as one page: statistics with verdicts, pictures, the player, how to repeat it."""
     from crowdsim.compilation import watch_compilation
     from crowdsim.runs.exports import choose_report
     from crowdsim.runs.opening import open_run

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,23 +17,27 @@ from crowdsim.scenario.output import Avatars, Extent, Ranged, Series
 
 if TYPE_CHECKING:
     from crowdsim.export.posed import FinishedTake
+    from crowdsim.render.take_source import TakeSource
     from crowdsim.view.recording import Recording
 
 _FILE = "report.html"
-_POSE_BYTES, _PAGE_BYTES = 60.0, 200_000.0
-_POSE_SECONDS = 60e-6
-"""Bytes and seconds of an avatar in a frame, and bytes of the rest; measured with the shipped scenarios."""
+_POSE_BYTES, _PAGE_BYTES = 60.0, 400_000.0
+_POSE_SECONDS, _FIGURE_SECONDS = 60e-6, 2.4e-3
+"""Bytes and seconds of an avatar in a frame, bytes of the rest, and seconds of an avatar in all thumbnails; measured
+with the shipped scenarios."""
+_MOMENTS = 32
+"""Frames that are opened for thumbnails: a camera follows the crowd through all of them."""
 _AVATARS = (
     "Numbers of the avatars that the player shows, from 0, or names of avatars, groups and teams; without it all."
 )
 
 
 class ReportOutput(Ranged):
-    """A report as one HTML page: what happened, how well it looks, the player, and how to repeat it."""
+    """A report as one HTML page: what happened, how well it looks, pictures, the player, and how to repeat it."""
 
     name = "report"
-    about = "A report as one HTML page: summary, statistics with verdicts, the player, the scenario."
-    kernels = "bvh"
+    about = "A report as one HTML page: summary, statistics with verdicts, pictures, the player, the scenario."
+    kernels = "pictures"
     stage = "report"
 
     player: bool = Field(default=True, description="Whether the page has the player; `frames` and `fps` are its own.")
@@ -81,7 +86,8 @@ class ReportOutput(Ranged):
         """Return about how much room the page takes [bytes], and how long one core writes it [s]."""
         shown = extent.avatars if self.avatars is None else len(self.avatars)
         poses = shown * self.frame_count(extent) if self.player else 0
-        return _PAGE_BYTES + _POSE_BYTES * poses, 2.0 + _POSE_SECONDS * poses
+        seconds = 2.0 + _FIGURE_SECONDS * extent.avatars + _POSE_SECONDS * poses
+        return _PAGE_BYTES + _POSE_BYTES * poses, seconds
 
     def write(self, done: FinishedTake) -> list[Path]:
         """Write the page where it is missing.
@@ -94,11 +100,21 @@ class ReportOutput(Ranged):
 
         path = done.folder / _FILE
         if not path.exists():
+            done = replace(done, take=replace(done.take, policies=tuple(done.policies)))
             recording = self._recording(done) if self.player else None
-            take, scenario = done.take, done.scenario
-            parts = report_parts(take, recording, scenario, done.threads, done.progress, done.health, done.heals)
+            pictures, how = self._pictures(done), (done.threads, done.progress)
+            parts = report_parts(done.take, recording, done.scenario, *how, done.health, done.heals, pictures)
             write_plain(done.folder, _FILE, parts)
         return [path]
+
+    def _pictures(self, done: FinishedTake) -> TakeSource | None:
+        from crowdsim.render.take_source import TakeSource
+
+        take = done.take
+        if not take.frame_count:
+            return None
+        fps = min(30.0, _MOMENTS / max(take.frame_count / take.control_rate, 1.0))
+        return TakeSource(take, done.policies, fps, threads=done.threads, arena=done.arena, obstacles=done.obstacles)
 
     def _recording(self, done: FinishedTake) -> Recording | None:
         from crowdsim.view.take_motion import record_take

@@ -141,7 +141,13 @@ class Recording {
 
   // Returns the block and the row of a frame, or null while that block is being unpacked.
   row(frame) {
-    const number = Math.floor(frame / this.scene.block), entry = this.load(number, true);
+    this.load(Math.floor(frame / this.scene.block), true);
+    return this.known(frame);
+  }
+
+  // The same of a frame whose block is unpacked already; null of others.
+  known(frame) {
+    const number = Math.floor(frame / this.scene.block), entry = this.blocks.get(number);
     return entry && entry.parts ? { parts: entry.parts, row: frame - number * this.scene.block } : null;
   }
 }

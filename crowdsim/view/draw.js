@@ -9,6 +9,7 @@ const LOOKS = {
 // Resolution, samples for smooth edges: from fine to fast. The first is for displays with small pixels.
 const QUALITIES = [[2, 4], [1, 4], [1, 0], [0.7, 0], [0.5, 0], [0.35, 0]];
 const SLOW = 42, FAST = 24; // medians of the time between pictures at which quality changes [ms]
+const SWIFT = 20, HASTE = 2; // the median that is soon enough for what is dragged [ms], and how much coarser others begin
 
 const HEAD = `#version 300 es
 precision highp float;
@@ -332,7 +333,8 @@ class Painter {
     const gl = this.gl = canvas.getContext('webgl2', { antialias: false, alpha: true, powerPreference: 'high-performance' });
     if (!gl) throw Error('This browser has no WebGL 2, which the player draws with. Another browser, or one with '
       + 'hardware acceleration switched on, shows this page.');
-    Object.assign(this, { canvas, crowd, scene: crowd.scene, quality: devicePixelRatio > 1.25 ? 0 : 1, times: [], still: false });
+    Object.assign(this, { canvas, crowd, scene: crowd.scene, hasty: false, median: 0, times: [] });
+    this.quality = this.level = this.finest;
     canvas.addEventListener('webglcontextlost', event => { event.preventDefault(); this.lost = true; });
     canvas.addEventListener('webglcontextrestored', () => { this.lost = false; this.prepare(); });
     this.prepare();
@@ -482,9 +484,19 @@ class Painter {
     return { program, uniforms };
   }
 
+  get finest() { return devicePixelRatio > 1.25 ? 0 : 1; }
+
+  // What is dragged must follow the pointer: meanwhile pictures are coarser, unless they are swift as they are.
+  hurry(hasty) {
+    if (hasty === this.hasty) return;
+    this.hasty = hasty;
+    this.level = Math.min(this.quality + (hasty && this.median > SWIFT ? HASTE : 0), QUALITIES.length - 1);
+    this.times = [];
+  }
+
   // Sizes pictures by quality; still pictures are as fine as can be.
   resize(still) {
-    const gl = this.gl, { canvas } = this, [scale, samples] = QUALITIES[still ? (devicePixelRatio > 1.25 ? 0 : 1) : this.quality];
+    const gl = this.gl, { canvas } = this, [scale, samples] = QUALITIES[still ? this.finest : this.level];
     const ratio = scale > 1 ? Math.min(devicePixelRatio, scale) : scale;
     const width = Math.max(1, Math.round(canvas.clientWidth * ratio)), height = Math.max(1, Math.round(canvas.clientHeight * ratio));
     const size = `${width} ${height} ${samples}`;
@@ -509,14 +521,14 @@ class Painter {
   pace(milliseconds) {
     if (milliseconds > 2000) return;
     this.times.push(milliseconds);
-    if (this.times.length < 12) return;
-    const median = [...this.times].sort((a, b) => a - b)[this.times.length >> 1];
-    this.median = median;
-    const finest = devicePixelRatio > 1.25 ? 0 : 1;
-    if (median > SLOW && this.quality < QUALITIES.length - 1) this.quality += median > 2 * SLOW ? 2 : 1;
-    else if (median < FAST && this.quality > finest && this.times.length > 90) this.quality -= 1;
+    if (this.times.length < (this.hasty ? 6 : 12)) return;
+    const median = [...this.times].sort((a, b) => a - b)[this.times.length >> 1], slow = this.hasty ? SWIFT : SLOW;
+    if (!this.hasty) this.median = median;
+    if (median > slow && this.level < QUALITIES.length - 1) this.level += median > 2 * slow ? 2 : 1;
+    else if (median < FAST && this.level > this.finest && this.times.length > 90 && !this.hasty) this.level -= 1;
     else if (this.times.length < 120) return;
-    this.quality = Math.min(this.quality, QUALITIES.length - 1);
+    this.level = Math.min(this.level, QUALITIES.length - 1);
+    if (!this.hasty) this.quality = this.level;
     this.times = [];
   }
 

@@ -77,6 +77,8 @@ class LiveRecording {
     return parts ? { parts, row: number === control ? frame - control * this.rows : this.rows - 1 } : null;
   }
 
+  known(frame) { return this.row(frame); }
+
   state(control) { return this.states.get(this.nearest(control)); }
 
   load() { return null; }
@@ -350,8 +352,8 @@ class LivePlayer extends Player {
   tick(now) {
     requestAnimationFrame(later => this.tick(later));
     const { recording } = this, passed = Math.min(now - this.last, 250) / 1000, end = recording.end;
+    if (this.last && (this.playing || this.painter.hasty) && !this.failed) this.painter.pace(now - this.last);
     if (this.playing && !this.failed) {
-      if (this.last) this.painter.pace(now - this.last);
       const lead = end - BEHIND / this.scene.rate - this.time;
       // It goes a little faster or slower, to stay as far behind what comes.
       if (Math.abs(lead) > 0.4) this.time += lead;

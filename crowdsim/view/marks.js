@@ -83,9 +83,9 @@ class Overlay {
   trails(view, moment, selected) {
     const { crowd, scene, ctx } = this, step = Math.max(1, Math.round(scene.fps * TRAIL_STEP)), rows = [];
     for (let frame = moment.before; frame >= Math.max(0, moment.before - TRAIL * scene.fps); frame -= step) {
-      const entry = crowd.recording.blocks.get(Math.floor(frame / scene.block));
-      if (!entry || !entry.parts) break;
-      rows.push([frame, entry.parts, frame % scene.block]);
+      const known = crowd.recording.known(frame);
+      if (!known) break;
+      rows.push([frame, known.parts, known.row]);
     }
     ctx.lineWidth = 2.5;
     const avatars = selected >= 0 ? [selected] : scene.names.keys();

@@ -224,6 +224,7 @@ class Player {
       down.set(event.pointerId, [event.clientX, event.clientY]);
       moved += Math.abs(dx) + Math.abs(dy);
       if (moved < 4) return;
+      this.painter.hurry(true);
       if (held) {
         held.move(event);
         return;
@@ -245,6 +246,7 @@ class Player {
       held = null;
       down.delete(event.pointerId);
       spread = 0;
+      if (down.size === 0) this.painter.hurry(false);
     });
     canvas.addEventListener('dblclick', event => {
       const avatar = this.pick(event);
@@ -334,8 +336,8 @@ class Player {
     requestAnimationFrame(later => this.tick(later));
     const passed = Math.min(now - this.last, 250);
     // Time stands still while what comes next is being read or posed.
+    if (this.last && (this.playing && !this.waiting || this.painter.hasty)) this.painter.pace(now - this.last);
     if (this.playing && this.last && !this.waiting) {
-      this.painter.pace(now - this.last);
       this.time += passed / 1000 * this.speed;
       if (this.time > this.end) {
         if (element('loop').checked) this.seek(this.start);

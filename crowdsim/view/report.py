@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import base64
 import html
+import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from crowdsim.core.types import Progress
+from crowdsim.render.contact_sheet import sheet_frames
+from crowdsim.render.look import Look
+from crowdsim.render.stage import build_stage
 from crowdsim.scenario.heals import Heal
 from crowdsim.take.figures_text import count, number, percent, rating, time
 from crowdsim.take.measures import AIR, OUT_OF_REACH, STUCK
@@ -20,8 +25,12 @@ from crowdsim.view.recording import Recording
 from crowdsim.view.report_plots import plots
 
 if TYPE_CHECKING:
+    from crowdsim.render.source import PoseSource
     from crowdsim.take.figures_text import Row
 
+THUMBNAILS = 6
+"""How many moments a report has a picture of."""
+_PICTURE, _JPEG_QUALITY = (352, 198), 88
 _MOST_AVATARS = 10
 """How many avatars the list of those that landed most has."""
 Verdict = tuple[bool, str]
@@ -36,6 +45,7 @@ def report_parts(
     progress: Progress | None = None,
     health: Mapping[str, float] | None = None,
     heals: Sequence[Heal] = (),
+    pictures: PoseSource | None = None,
 ) -> Iterator[bytes]:
     """Yield a report of a run, part by part: one page that needs no network and no other file.
 
@@ -47,6 +57,7 @@ def report_parts(
         progress: Called with stage, done and total.
         health: Health at the start of avatars that can be hurt, by the names of their types [points].
         heals: When its scenario restores health.
+        pictures: The run, for pictures of moments spread over it; none when None.
 
     Raises:
         CrowdsimError: The player would be too large.
@@ -56,6 +67,8 @@ def report_parts(
         check_size(recording)
     yield _head(take).encode()
     yield _summary(take, figures).encode()
+    if pictures is not None:
+        yield _thumbnails(pictures, threads).encode()
     if recording is not None:
         yield b'<iframe title="Player of the run" srcdoc="'
         for part in page_parts(recording, threads, progress):
@@ -104,6 +117,19 @@ def _summary(take: Take, figures: Mapping[str, Any]) -> str:
         f"<h1>{html.escape(take.scenario)}</h1>\n"
         f'<p class="quiet">{html.escape(teams)}, seed {take.seed}.{unfinished}</p>\n<ul class="tiles">{items}</ul>\n'
     )
+
+
+def _thumbnails(source: PoseSource, threads: int) -> str:
+    """Return pictures of moments spread over a run, each with its time."""
+    from PIL import Image
+
+    stage, items = build_stage(source, _PICTURE, look=Look(caption=False)), ""
+    for frame in sheet_frames(0, source.frame_count, THUMBNAILS):
+        file, seconds = io.BytesIO(), time(frame / source.fps)
+        Image.fromarray(stage.picture(frame, threads)).save(file, "JPEG", quality=_JPEG_QUALITY)
+        data = base64.b64encode(file.getvalue()).decode("ascii")
+        items += f'<li><img src="data:image/jpeg;base64,{data}" alt="The run after {seconds}">{seconds}</li>\n'
+    return f'<ul class="moments">\n{items}</ul>\n'
 
 
 def verdicts(figures: Mapping[str, Any]) -> list[Verdict]:

@@ -18,6 +18,10 @@ from crowdsim.errors import CrowdsimError, ScenarioError
 from crowdsim.view.live import LAG, LivePoses, Played, clips_of, live_recording, pack_frame
 from crowdsim.view.why import describe_decision, describe_values
 
+BACKLOG = 0.25
+"""How far behind time a session may be to catch up without a jump; pages smooth that [s]."""
+TURN = 0.001
+"""For how long a session that is late lets others go before it [s]."""
 Send = Callable[[str | bytes], None]
 """Sends a message to one who watches; called by any thread."""
 
@@ -400,9 +404,9 @@ class Stage:
                 self._woken.wait(0.5)
                 due = time.monotonic()
                 continue
-            # What is late is not made up for by a hurry.
-            due = max(due + interval, time.monotonic() - interval)
-            self._ended.wait(max(0.0, due - time.monotonic()))
+            due = next_due(due, interval, time.monotonic())
+            # Where it is late, those who ask for something have their turn all the same.
+            self._ended.wait(max(TURN, due - time.monotonic()))
             with self._lock:
                 if not self.paused and not self._ended.is_set():
                     try:
@@ -412,3 +416,16 @@ class Stage:
                         self._tell(json.dumps({"error": str(error)}))
                     if self.paused:
                         self._tell(json.dumps(self._status()))
+
+
+def next_due(due: float, interval: float, now: float) -> float:
+    """Return when the next control frame is due [s]: an interval after the last one, however late that was.
+
+    Of a longer delay than ``BACKLOG`` only that much is caught up with, so that nothing ever hurries for long.
+
+    Args:
+        due: When the last one was due [s].
+        interval: Time between control frames [s].
+        now: Present time [s].
+    """
+    return max(due + interval, now - BACKLOG)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import picture
+from conftest import picture, screen
 from naive_view import unpack_scene
 from scenes import crowdsim, scene
 
@@ -100,6 +100,25 @@ def test_the_boxer_follows_a_target_that_is_dragged_and_lands_on_it(play, browse
     # It has come within reach of where the target is now.
     assert np.hypot(run.x[-1, 0] - place[0], run.z[-1, 0] - place[2]) < 1.6
     assert f"{len(landed)} landed" in browser.evaluate("document.getElementById('summary').textContent")
+
+
+def test_pictures_are_coarser_while_something_is_dragged_on_a_slow_machine(play, browser) -> None:
+    play(boxer_and_target("tiny"))
+    browser.wait("crowdsimPlayer.recording.latest > 8")
+    x, y = browser.evaluate(TARGET)
+    wide = "[crowdsimPlayer.painter.width, document.getElementById('picture').clientWidth]"
+    # As on a machine that is fast enough for pictures, and not for what is dragged.
+    browser.evaluate(
+        "crowdsimPlayer.painter.pace = () => {};"
+        "Object.assign(crowdsimPlayer.painter, { median: 30, quality: 1, level: 1 })"
+    )
+    browser.wait(f"(([now, whole]) => now === whole)({wide})")
+    keys = {"button": "left", "buttons": 1}
+    browser.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, **keys)
+    browser.call("Input.dispatchMouseEvent", type="mouseMoved", x=x + 20, y=y + 9, **keys)
+    browser.wait(f"(([now, whole]) => now < 0.8 * whole)({wide})")
+    browser.call("Input.dispatchMouseEvent", type="mouseReleased", x=x + 20, y=y + 9, button="left")
+    browser.wait(f"(([now, whole]) => now === whole)({wide})")
 
 
 def test_with_shift_a_target_goes_up_and_down(play, browser) -> None:
@@ -298,6 +317,24 @@ def test_values_around_the_chosen_avatar_lie_on_the_floor(play, browser) -> None
     assert (low, high) == pytest.approx((told.values.min(), told.values.max()), abs=0.006)
     browser.press("u")
     browser.wait("!crowdsimPlayer.painter.heat && document.getElementById('values').hidden")
+
+
+def test_trails_and_the_map_of_hits_show_live(play, browser) -> None:
+    play(load_scenario(scene(duration=400)))
+    browser.wait("crowdsimPlayer.counts.landed > 0 && crowdsimPlayer.recording.latest > 30")
+    paused(browser)
+    plain = screen(browser)
+    browser.press("g")
+    browser.wait("crowdsimPlayer.options.trails")
+    browser.settle()
+    assert (np.abs(screen(browser) - plain).max(axis=-1)[:500] > 40).sum() > 50
+    browser.press("g")
+    before = picture(browser)
+    browser.press("h")
+    browser.wait("!!crowdsimPlayer.painter.heat")
+    after = picture(browser)
+    warm = (after[..., 0] - after[..., 2] > 60) & (np.abs(before[..., 0] - before[..., 2]) < 40)
+    assert warm.sum() > 200
 
 
 def test_it_begins_again(play, browser) -> None:

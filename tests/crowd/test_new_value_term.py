@@ -1,4 +1,4 @@
-"""One more value term is one new file and its place in the list of ``evaluate``."""
+"""One more value term is one new file and its place in ``evaluate.ADDED``."""
 
 import os
 import shutil
@@ -53,12 +53,11 @@ def test_a_term_is_one_file_and_its_place_in_the_list(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "crowdsim", tmp_path / "crowdsim", ignore=shutil.ignore_patterns("__pycache__"))
     (kernels / "terms" / "peace.py").write_text(TERM, encoding="utf-8")
     text = (kernels / "evaluate.py").read_text(encoding="utf-8")
-    first, last = "from crowdsim.crowd.kernels.terms.rest import seek_rest\n", "        keep_stance("
+    first, last = "from crowdsim.crowd.kernels.terms.rest import seek_rest\n", '    ("stance", keep_stance),\n'
     assert first in text
     assert last in text
     text = text.replace(first, "from crowdsim.crowd.kernels.terms.peace import keep_peace\n" + first)
-    call = "        keep_peace(model, avatars, world, now, own, observed, q, scratch)\n"
-    (kernels / "evaluate.py").write_text(text.replace(last, call + last), encoding="utf-8")
+    (kernels / "evaluate.py").write_text(text.replace(last, '    ("peace", keep_peace),\n' + last), encoding="utf-8")
     even, odd = strikes_of(tmp_path)
     usual, _ = strikes_of(ROOT)
     assert usual > 20

@@ -28,7 +28,7 @@ from crowdsim.scenario.scenario import load_scenario
 from crowdsim.view import server as serving
 from crowdsim.view.live import LAG, ROWS, LivePoses, Settled, clips_of
 from crowdsim.view.server import open_server
-from crowdsim.view.stage import Passing, Stage
+from crowdsim.view.stage import BACKLOG, Passing, Stage, next_due
 
 HURT = {"boxer": {"policy": "tiny", "damage": {"health": 40}}}
 
@@ -234,6 +234,19 @@ def test_it_goes_on_while_someone_watches_and_stands_still_when_it_is_to(stage) 
         stage.act('{"do": "pause", "paused": false}')
     finally:
         stage.close()
+
+
+@pytest.mark.parametrize(("delay", "lost"), [(0.03, 0.0), (0.2, 0.0), (BACKLOG + 2.0, 2.0)])
+def test_a_delay_is_caught_up_with_unless_it_is_long(delay, lost) -> None:
+    interval, spent, now, due, frames = 1 / 15, 0.01, 0.0, 0.0, []
+    for frame in range(60):
+        due = next_due(due, interval, now)
+        now = max(now, due) + spent
+        frames.append(now)
+        # Something else takes the processor.
+        now += delay * (frame == 10)
+    assert frames[-1] == pytest.approx(60 * interval + spent + lost, abs=interval)
+    assert min(np.diff(frames)) >= spent - 1e-9
 
 
 def test_what_is_asked_for_is_done_or_refused_with_a_reason(stage) -> None:

@@ -1,6 +1,8 @@
 """A report says what a run's figures mean, shows the run, and how to repeat it; whatever things are called."""
 
+import base64
 import html
+import io
 import re
 import shutil
 from dataclasses import replace
@@ -10,14 +12,18 @@ import numpy as np
 import pytest
 import yaml
 from naive_view import embedded, unpack_scene
+from PIL import Image
 from scenes import crowdsim, write_scene
 
 import crowdsim as library
 from crowdsim.preparation.prepare import load_policies
+from crowdsim.render.look import Look
+from crowdsim.render.stage import build_stage
+from crowdsim.render.take_source import TakeSource
 from crowdsim.runs.playing import Session
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.quality import measure_take
-from crowdsim.view.report import report_parts, verdicts
+from crowdsim.view.report import THUMBNAILS, report_parts, verdicts
 from crowdsim.view.report_plots import mean_health, opponent_distances
 
 HURT = {"boxer": {"policy": "tiny", "damage": {"health": 30}}}
@@ -72,6 +78,22 @@ def test_a_report_has_summary_verdicts_player_scenario_and_how_to_repeat_it(run,
     shown = html.unescape(re.findall(r"<pre>(.*?)</pre>", page, re.DOTALL)[-1])
     assert yaml.safe_load(shown) == yaml.safe_load((run / "scenario.resolved.yaml").read_text(encoding="utf-8"))
     assert crowdsim("verify", run) == 0
+
+
+def test_pictures_show_moments_spread_over_the_run(run) -> None:
+    assert crowdsim("report", run, "--no-player", "-q") == 0
+    page = (run / "report.html").read_text(encoding="utf-8")
+    found = re.findall(r'<img src="data:image/jpeg;base64,([^"]*)" alt="The run after ([\d.]+) s">\2 s<', page)
+    times = np.array([float(seconds) for _, seconds in found])
+    np.testing.assert_allclose(np.diff(times), 10 / THUMBNAILS, atol=0.35)
+    assert len(found) == THUMBNAILS
+    opened = library.open_run(run)
+    source = TakeSource(opened, opened.policies, 3.2, arena=opened.arena)
+    stage = build_stage(source, (352, 198), look=Look(caption=False))
+    for data, seconds in found:
+        shown = np.asarray(Image.open(io.BytesIO(base64.b64decode(data))), float)
+        drawn = stage.picture(round(float(seconds) * 3.2))
+        assert np.abs(shown - drawn).mean() < 4
 
 
 def test_plots_show_strikes_health_and_distances(workplace, finish) -> None:

@@ -16,11 +16,47 @@ from crowdsim.crowd.kernels.terms.stunned import hold_strikes
 from crowdsim.crowd.kernels.terms.variety import avoid_repetition, prefetch_repetition
 from crowdsim.jit import kernel
 
-TERMS = (
-    "learned", "collisions", "repetition", "defence", "rest", "strikes", "stun", "stillness", "facing", "guard",
-    "stance", "pace", "backs",
-)  # fmt: skip
-"""Names of the terms, by their numbers."""
+ADDED = (
+    ("collisions", avoid_collisions),
+    ("repetition", avoid_repetition),
+    ("defence", defend),
+    ("rest", seek_rest),
+    ("strikes", weigh_strikes),
+    ("stun", hold_strikes),
+    ("stillness", favour_stillness),
+    ("facing", face_opponent),
+    ("guard", keep_guard),
+    ("stance", keep_stance),
+    ("pace", keep_pace),
+    ("backs", turn_out),
+)
+"""The terms that are added to what is learned, in their order: the name of each, and its kernel."""
+TERMS = ("learned", *(name for name, _ in ADDED))
+"""Names of all terms, by their numbers."""
+
+
+def _followed(before, number, name, term):
+    """Return a kernel that adds a term after those before it, if it is among ``first`` to before ``stop``.
+
+    Where these are constants nothing is compared.
+    """
+
+    def add(model, avatars, world, now, own, observed, q, scratch, first, stop):
+        before(model, avatars, world, now, own, observed, q, scratch, first, stop)
+        if first <= number < stop:
+            term(model, avatars, world, now, own, observed, q, scratch)
+
+    return kernel(add, inline=True, name=f"add_up_to_{name}")
+
+
+@kernel(inline=True)
+def _add_none(model, avatars, world, now, own, observed, q, scratch, first, stop):
+    """Add no term."""
+
+
+_add_terms = _add_none
+for _number, (_name, _term) in enumerate(ADDED, start=1):
+    _add_terms = _followed(_add_terms, _number, _name, _term)
 
 
 @kernel(inline=True)
@@ -42,32 +78,3 @@ def evaluate_by_terms(model, avatars, world, now, due, count, observed, scratch,
             _add_terms(model, avatars, world, now, due[q], observed, q, scratch, term, term + 1)
             for k in range(scratch.values.shape[1]):
                 notes[term, q, k] = scratch.values[q, k]
-
-
-@kernel(inline=True)
-def _add_terms(model, avatars, world, now, own, observed, q, scratch, first, stop):
-    """Add the terms from number ``first`` to before ``stop``; where these are constants nothing is compared."""
-    if first <= 1 < stop:
-        avoid_collisions(model, avatars, world, now, own, observed, q, scratch)
-    if first <= 2 < stop:
-        avoid_repetition(model, avatars, world, now, own, observed, q, scratch)
-    if first <= 3 < stop:
-        defend(model, avatars, world, now, own, observed, q, scratch)
-    if first <= 4 < stop:
-        seek_rest(model, avatars, world, now, own, observed, q, scratch)
-    if first <= 5 < stop:
-        weigh_strikes(model, avatars, world, now, own, observed, q, scratch)
-    if first <= 6 < stop:
-        hold_strikes(model, avatars, world, now, own, observed, q, scratch)
-    if first <= 7 < stop:
-        favour_stillness(model, avatars, world, now, own, observed, q, scratch)
-    if first <= 8 < stop:
-        face_opponent(model, avatars, world, now, own, observed, q, scratch)
-    if first <= 9 < stop:
-        keep_guard(model, avatars, world, now, own, observed, q, scratch)
-    if first <= 10 < stop:
-        keep_stance(model, avatars, world, now, own, observed, q, scratch)
-    if first <= 11 < stop:
-        keep_pace(model, avatars, world, now, own, observed, q, scratch)
-    if first <= 12 < stop:
-        turn_out(model, avatars, world, now, own, observed, q, scratch)
