@@ -290,7 +290,7 @@ class ClipSink:
         cast, names = self._sampler.take.cast, self._sampler.motions[policy].skeleton.names
         for number in np.unique(cast.types[self._numbers][cast.policies[self._numbers] == policy]).tolist():
             kind = str(cast.type_names[number])
-            for prop in prop_meshes(cast.attachments, number):
+            for prop in prop_meshes(cast, number):
                 yield f"{kind} {names[prop.joint]} prop", kind, prop
 
     def _head(self, clips: dict[int, Array]) -> dict[str, Any]:
