@@ -146,6 +146,8 @@ def start_action(model, avatars, world, frame, i, new, phase):
     avatars.heading[i] = heading + turn
     motion[i].action = new
     motion[i].phase = phase
+    if avatars.free.shape[0] > 0:
+        avatars.free[i] = -1.0
 
 
 @kernel(inline=True)
