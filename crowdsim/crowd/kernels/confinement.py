@@ -4,6 +4,7 @@ from crowdsim.core.angles import cos_sin
 from crowdsim.core.easing import minimum_jerk
 from crowdsim.crowd.kernels.interpolation import ground_at
 from crowdsim.crowd.kernels.layout import LIMB_ROOM, PELVIS, TRUNK_ROOM
+from crowdsim.crowd.kernels.prefetch import prefetch
 from crowdsim.jit import kernel
 from crowdsim.places.kernels.distance import cell_at, part_gap, stands, way_gap
 
@@ -51,6 +52,19 @@ def _confine(model, avatars, places, frame, i):
         _move(avatars, i, _find_push(model, avatars, places, frame, i, 0))
     else:
         avatars.free[i] = phase + AHEAD * speed + 1e-9
+        prefetch_outline(model, avatars, i, avatars.motion[i].action, phase + (AHEAD + 1) * speed)
+
+
+@kernel(inline=True)
+def prefetch_outline(model, avatars, i, action, phase):
+    """Prefetch what says where a body is some frames into an action."""
+    shown = int(phase * model.policies[avatars.policy[i]].stride)
+    shown = min(shown, model.actions[action].length * model.policies[avatars.policy[i]].stride)
+    shown += model.actions[action].origin
+    prefetch(model.ground, shown)
+    prefetch(model.extents, shown)
+    prefetch(model.outlines, shown)
+    prefetch(model.outlines, shown + 1)  # the end of what is longer than a line
 
 
 @kernel(inline=True)
