@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -117,7 +118,8 @@ class TakeAttributes(OpenModel):
             raise Fault(what, "policy_fingerprints")
         if len(self.type_colours) != len(self.type_names) or any(len(row) != 3 for row in self.type_colours):
             raise Fault(f"expected red, green and blue of each of {len(self.type_names)} types", "type_colours")
-        for key, props in (("attachments", self.attachments), ("faces", self.faces)):
+        carried: dict[str, Sequence[PropFacts | FaceFacts]] = {"attachments": self.attachments, "faces": self.faces}
+        for key, props in carried.items():
             for index, prop in enumerate(props):
                 if prop.type >= len(self.type_names):
                     raise Fault(f"is {prop.type}, expected one of {len(self.type_names)} types", key, index, "type")
