@@ -34,7 +34,7 @@ from _quick import best_seconds, command_line, small_policies
 from numpy.typing import NDArray
 
 from crowdsim.bvh.clip import channel_motion, clip_channels
-from crowdsim.crowd.props import PROP
+from crowdsim.crowd.props import FACE, PROP
 from crowdsim.export.pointcloud import CloudSink, export_clouds
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import build_body
@@ -76,6 +76,8 @@ class Posed:
             output_frames=lambda fps: frames,
             cast=SimpleNamespace(
                 attachments=np.zeros(0, PROP),
+                faces=np.zeros(0, FACE),
+                held=np.zeros(0, PROP),
                 names=np.array([f"boxer_{number:02d}" for number in whole]),
                 policies=np.zeros(AVATARS, np.int16),
                 scales=scales,

@@ -33,6 +33,9 @@ class Clips:
                     unit = values / np.linalg.norm(values, axis=1, keepdims=True)
                     rotations[:, joints.index(channel["target"]["node"])] = unit
             self.clips.append((rotations, roots, clip["rate"]))
+        for track in self.tracks["avatars"]:  # frames, and between these where straight lines would not do
+            rows = [(frame, *(row or [np.nan] * 4)) for frame, row in enumerate(track["roots"])]
+            track["ground"] = np.array(sorted(rows + [tuple(row) for row in track["between"]])).T
 
     def play(self, clip, seconds):
         """Rotations and root of a clip; beyond its ends it goes straight on and comes to rest."""
@@ -59,7 +62,5 @@ class Clips:
             turned, placed = self.play(clip, since + (seconds - start) * track["speed"])
             rotations, root = rotations + weights[i] * sides * turned, root + weights[i] * placed
         frame = seconds * float(Fraction(self.tracks["fps"])) - track["first"]
-        low = int(np.clip(np.floor(frame), 0, max(len(track["roots"]) - 2, 0)))
-        ends = np.array(track["roots"][low : low + 2], float)
-        ground = ends[0] + (frame - low) * (ends[-1] - ends[0])
+        ground = np.array([np.interp(frame, track["ground"][0], values) for values in track["ground"][1:]])
         return rotations / np.linalg.norm(rotations, axis=1, keepdims=True), root, ground

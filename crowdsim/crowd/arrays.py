@@ -154,6 +154,7 @@ class Avatars(NamedTuple):
         motion: What others see of its motion. Shape (N,), ``MOTION``.
         playback: How its action is played back. Shape (N,), ``PLAYBACK``.
         slides: How far it slides while it falls. Shape (N,), or (0,) where no avatar falls, ``SLIDE``.
+        free: Phase of its action up to which its body is in no obstacle. Shape (N,), or (0,) where there are none.
         fight: What its decisions read. Shape (N,), ``FIGHT``.
         slot_of: Slot of each number. Shape (N,), int32.
         shown: Motion (``Model.twins``) of each number's latest actions, a ring by decisions;
@@ -178,6 +179,7 @@ class Avatars(NamedTuple):
     motion: Array
     playback: Array
     slides: Array
+    free: Array
     fight: Array
     slot_of: Array
     shown: Array

@@ -1,4 +1,4 @@
-"""Attachments of types as capsules on joints, which takes record and poses carry along."""
+"""Attachments of types as capsules and triangles on joints, which takes record and poses carry along."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from crowdsim.config.files import Finding
 from crowdsim.core.types import Array
 from crowdsim.crowd.meshes import THINNEST, MeshError, face_rods, read_obj
-from crowdsim.crowd.props import PROP
+from crowdsim.crowd.props import FACE, PROP
 from crowdsim.errors import nearest
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import ROLES, Body
@@ -39,7 +39,7 @@ _SAME = 0.05
 """How far the end of a prop may be from the point that a policy strikes with [m]."""
 
 
-def pack_attachments(scenario: Scenario, policies: Mapping[str, Policy]) -> Array:
+def pack_attachments(scenario: Scenario, policies: Mapping[str, Policy]) -> tuple[Array, Array]:
     """Return what avatars of each type carry, those without ``attachments`` what their policy strikes with.
 
     Args:
@@ -47,9 +47,9 @@ def pack_attachments(scenario: Scenario, policies: Mapping[str, Policy]) -> Arra
         policies: Its policies by name.
 
     Returns:
-        Shape (P,), ``PROP``, in the order of types.
+        Capsules (P,), ``PROP``, and triangles of meshes (T,), ``FACE``, both in the order of types.
     """
-    rows: list[Any] = []
+    rows, faces = list[Any](), list[Any]()
     for number, (name, kind) in enumerate(scenario.types.items()):
         if name not in scenario.used_types:
             continue
@@ -61,11 +61,15 @@ def pack_attachments(scenario: Scenario, policies: Mapping[str, Policy]) -> Arra
             joint = _joint_of(database, one.joint)
             assert joint is not None
             colour = _rgb(one.colour)
-            turn = _rotation(one.rotation)
+            if isinstance(one, MeshAttachment):
+                vertices, triangles = read_obj(Path(scenario.folder or ".") / one.file)
+                corners = _placed(one, one.scale * vertices)[triangles]
+                faces += [(number, joint, face, colour, one.blocks) for face in corners]
+                continue
             for start, end, radius in _capsules(one, scenario.folder):
-                ends = [quaternion.rotate(turn, np.asarray(point, float)) + one.offset for point in (start, end)]
+                ends = _placed(one, np.array([start, end], float))
                 rows.append((number, joint, *map(tuple, ends), radius, colour, one.blocks))
-    return np.array(rows, PROP)
+    return np.array(rows, PROP), np.array(faces, FACE)
 
 
 def attachment_findings(scenario: Scenario, policies: Mapping[str, Policy]) -> list[Finding]:
@@ -177,7 +181,7 @@ def _tip(one: _Given, folder: Path | None, database: MotionDatabase, side: int) 
     """Return the end of a prop that is farthest from the fist, in the frame of the hand's joint, and its radius [m]."""
     capsules = _capsules(one, folder)
     ends = np.array([point for capsule in capsules for point in capsule[:2]], float)
-    ends = quaternion.rotate(_rotation(one.rotation), ends) + one.offset
+    ends = _placed(one, ends)
     farthest = int(np.argmax(np.linalg.norm(ends - _fist(database, side), axis=1)))
     return ends[farthest], float(capsules[farthest // 2][2])
 
@@ -197,7 +201,7 @@ def shield_radii(cast: Cast, numbers: Array, body: Body) -> Array:
     Returns:
         0 where there is no shield. Shape (n, 4), float32.
     """
-    shields = cast.attachments[cast.attachments["blocks"]]
+    shields = cast.held[cast.held["blocks"]]
     radii = np.zeros((len(cast.type_names), 4), np.float32)
     for kind in np.unique(shields["type"]):
         for column, joint in enumerate(_guard_joints(body)):
@@ -241,7 +245,7 @@ def _capsules(one: _Given, folder: Path | None) -> Sequence[Any]:
     if isinstance(one, BoxAttachment):
         return _box_capsules(np.asarray(one.size, float))
     vertices, triangles = read_obj(Path(folder or ".") / one.file)
-    return [(rod[:3], rod[3:6], rod[6]) for rod in face_rods(one.scale * vertices, triangles)]
+    return [(rod[:3], rod[3:6], rod[6]) for rod in face_rods(one.scale * vertices[triangles])]
 
 
 def _farthest(one: _Given, folder: Path | None) -> float:
@@ -252,7 +256,7 @@ def _farthest(one: _Given, folder: Path | None) -> float:
             points = one.scale * read_obj(Path(folder or ".") / one.file)[0]
         else:
             points = np.array([point for capsule in _capsules(one, folder) for point in capsule[:2]], float)
-        found = np.abs(quaternion.rotate(_rotation(one.rotation), points) + one.offset)
+        found = np.abs(_placed(one, points))
     return float(np.nan_to_num(found, nan=np.inf, posinf=np.inf).max())
 
 
@@ -283,10 +287,10 @@ def _box_capsules(size: Array) -> list[tuple[Array, Array, float]]:
     return capsules
 
 
-def _rotation(angles: Sequence[float]) -> Array:
-    """Return the rotation about x, then y, then z by angles [deg]."""
-    turns = [quaternion.from_rotation_vector(np.radians(angle) * np.eye(3)[axis]) for axis, angle in enumerate(angles)]
-    return np.asarray(quaternion.multiply(turns[2], quaternion.multiply(turns[1], turns[0])))
+def _placed(one: _Given, points: Array) -> Array:
+    """Return points (n, 3) of a prop's frame in that of its joint: rotated about x, then y, then z, and moved."""
+    x, y, z = (quaternion.from_rotation_vector(turn) for turn in np.diag(np.radians(one.rotation)))
+    return np.asarray(quaternion.rotate(quaternion.multiply(z, quaternion.multiply(y, x)), points) + one.offset)
 
 
 def _rgb(colour: str | None) -> tuple[float, ...]:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.props import PROP
+from crowdsim.crowd.meshes import face_rods
+from crowdsim.crowd.props import FACE, PROP
 from crowdsim.errors import TakeError, nearest
 
 _USUAL: dict[str, tuple[float, Any]] = {
@@ -54,7 +56,8 @@ class Cast:
         groups: Index into ``group_names``. Shape (N,), int32, or (0,) where names of avatars begin with those of their
             groups.
         group_names: Names of the groups, or none, likewise.
-        attachments: What avatars of each type carry. Shape (P,), ``PROP``.
+        attachments: What avatars of each type carry, but for meshes. Shape (P,), ``PROP``.
+        faces: Triangles of the meshes that they carry. Shape (T,), ``FACE``.
     """
 
     names: Array
@@ -77,12 +80,23 @@ class Cast:
     groups: Array = field(default_factory=_unknown)
     group_names: tuple[str, ...] = ()
     attachments: Array = field(default_factory=lambda: np.zeros(0, PROP))
+    faces: Array = field(default_factory=lambda: np.zeros(0, FACE))
 
     def __post_init__(self) -> None:
         """Give all avatars of takes that do not record them the usual body and temperament."""
         for name, (usual, dtype) in _USUAL.items():
             if len(getattr(self, name)) == 0:
                 object.__setattr__(self, name, np.full(len(self.names), usual, dtype))
+
+    @cached_property
+    def held(self) -> Array:
+        """What avatars of each type carry as capsules: ``attachments``, and rods on ``faces``. Shape (n,), ``PROP``."""
+        rods = [
+            (face["type"], face["joint"], rod[:3], rod[3:6], rod[6], face["colour"], face["blocks"])
+            for face in self.faces
+            for rod in face_rods(face["corners"][None].astype(float))
+        ]
+        return np.concatenate([self.attachments, np.array(rods, PROP)])
 
     def number(self, avatar: int | str) -> int:
         """Return the number of an avatar that is given by its number or its name, with or without its leading zeros.

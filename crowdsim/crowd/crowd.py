@@ -265,6 +265,7 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
         motion=empty_records(count, MOTION),
         playback=empty_records(count, PLAYBACK),
         slides=empty_records(count if crowd.conditioned else 0, SLIDE),
+        free=np.zeros(count if len(crowd.parts) else 0),
         fight=empty_records(count, FIGHT),
         slot_of=slot_of,
         shown=np.empty((count, LATEST), np.uint16),
@@ -336,6 +337,8 @@ def enter(
     for part, fields in began.items():
         for name, values in fields.items():
             getattr(avatars, part)[name][slots] = values
+    if len(avatars.free):
+        avatars.free[slots] = -1.0
     avatars.shown[numbers] = NONE
     if len(avatars.conditions):
         rows = avatars.conditions[numbers]

@@ -134,6 +134,7 @@ def _cast(scenario: Scenario, types: Array, drawn: Mapping[str, Array], policies
     """Return what is constant for each avatar; ``drawn`` are its numbers by the keys of types."""
     kinds = list(scenario.types.values())
     has_names = any(group.rows for group in scenario.groups)
+    attachments, faces = pack_attachments(scenario, {policy.name: policy for policy in policies})
     colours = [[np.nan] * 3 if kind.colour is None else _rgb(kind.colour) for kind in kinds]
     return Cast(
         names=np.array(scenario.avatar_names()),
@@ -148,7 +149,8 @@ def _cast(scenario: Scenario, types: Array, drawn: Mapping[str, Array], policies
         stances=draw_stances(scenario, types),
         groups=groups_of_avatars(scenario) if has_names else np.zeros(0),
         group_names=tuple(scenario.group_names) if has_names else (),
-        attachments=pack_attachments(scenario, {policy.name: policy for policy in policies}),
+        attachments=attachments,
+        faces=faces,
     )
 
 

@@ -65,15 +65,14 @@ def read_obj(path: Path) -> tuple[Array, Array]:
     return points, np.array(triangles, np.int64)
 
 
-def face_rods(vertices: Array, triangles: Array) -> Array:
+def face_rods(triangles: Array) -> Array:
     """Return rods that lie side by side on triangles, parallel to the longest edge: both ends and a radius [m]. (R, 7).
 
     Args:
-        vertices: Vertices [m]. Shape (V, 3).
-        triangles: Corners of each triangle. Shape (T, 3).
+        triangles: Corners of each triangle [m]. Shape (T, 3, 3).
     """
     rods = []
-    for corners in vertices[triangles]:
+    for corners in triangles:
         edges = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
         first = int(np.argmax(edges))
         start, end, apex = corners[first], corners[(first + 1) % 3], corners[(first + 2) % 3]

@@ -19,3 +19,17 @@ PROP = np.dtype(
 
 Both ends in the joint's frame [m], its radius [m], its colour, and whether it is of a shield, which blocks strikes.
 """
+
+FACE = np.dtype(
+    [
+        ("type", np.int16),
+        ("joint", np.int32),
+        ("corners", np.float32, (3, 3)),
+        ("colour", np.float32, 3),
+        ("blocks", np.bool_),
+    ]
+)
+"""A triangle of a mesh that avatars of a type carry at a joint.
+
+Its corners in the joint's frame [m], its colour, and whether it is of a shield.
+"""

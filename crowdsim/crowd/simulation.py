@@ -64,7 +64,7 @@ SMALL = 400
 def crowd_model(crowd: Crowd) -> Model:
     """Return the policies of a crowd one after another, with what its avatars need of them."""
     model = build_model(crowd.policies, bool(crowd.cast.stances.any()), bool(len(crowd.parts)))
-    if not crowd.cast.attachments["blocks"].any():
+    if not crowd.cast.held["blocks"].any():
         return model
     shields = np.zeros((crowd.count, 4), np.float32)
     for index, policy in enumerate(crowd.policies):

@@ -97,7 +97,9 @@ def _check_integers(simulation: Changing, state: Mapping[str, Array]) -> None:
     _refuse("avatars.playback.action_before", before, inside)
 
 
-_BOUNDED = tuple(f"avatars.{name}" for name in ("x", "z", "heading", "motion.", "playback.", "slides.", "fight."))
+_BOUNDED = tuple(
+    f"avatars.{name}" for name in ("x", "z", "heading", "motion.", "playback.", "slides.", "free", "fight.")
+)
 """What holds lengths, angles and times, which have bounds."""
 
 

@@ -42,6 +42,9 @@ VERSION = 1
 BANK, TRACKS, PARQUET = "bank.glb", "tracks.json", "tracks.parquet"
 _AT_ONCE = 256
 """Avatars whose tracks are worked out at once."""
+_STEPS, _STRAY, _TALL = 4, 0.004, 1.8
+"""Into how many parts the time between two frames is divided where a straight line strays further from the ground
+transform than so much [m], at the far end of a body so long [m]."""
 
 
 def clip_files() -> list[str]:
@@ -97,6 +100,8 @@ class ClipSink:
         self._sampler, self._folder, self._fps, self._rotations = sampler, folder, exact_rate(fps), rotations
         # x, height by which longer legs lift the body, z, heading.
         self._roots = np.full((self.stop - self.start, len(self._numbers), 4), np.nan, np.float32)
+        # Column, frame, and the ground transform as above.
+        self._between = [np.zeros((0, 6))]
         self._rows = 0
 
     @property
@@ -116,12 +121,30 @@ class ClipSink:
     def write(self, block: Block, pool: ThreadPoolExecutor) -> None:
         """Work out where avatars are in a block of frames."""
         low, high = max(block.first_output, self.start), min(block.stop_output, self.stop)
-        times = np.arange(low, high) / float(self._fps)
+        # What lies between the last frame of the block and the next belongs to it.
+        last = min(high, self.stop - 1)
+        times = np.arange(_STEPS * low, _STEPS * last + 1) / (_STEPS * float(self._fps))
         for policy, some in self._groups():
-            roots, headings = self._ground(policy, self._numbers[some], times)
-            here = self._roots[low - self.start : high - self.start]
-            here[:, some, :3], here[:, some, 3] = roots, headings
+            ground = self._ground(policy, self._numbers[some], times)
+            self._roots[low - self.start : high - self.start, some] = ground[::_STEPS][: high - low]
+            self._between.append(self._strays(ground, some, low - self.start))
         self._rows = high - self.start
+
+    def _strays(self, ground: Array, columns: Array, first: int) -> Array:
+        """Return the ground transforms between frames where straight lines stray from them. Shape (n, 6)."""
+        frames = ground[::_STEPS]
+        shares = np.arange(1, _STEPS)[:, None, None] / _STEPS
+        inner = np.stack([ground[step::_STEPS][: len(frames) - 1] for step in range(1, _STEPS)], axis=1)
+        ways = np.diff(frames, axis=0)
+        ways[..., 3] = _turn(ways[..., 3])
+        stray = np.abs(inner - frames[:-1, None] - shares * ways[:, None])
+        stray[..., 3] = np.abs(_turn(stray[..., 3]))
+        tall = _TALL * self._sampler.take.cast.scales[self._numbers[columns]]
+        far = (np.hypot(stray[..., 0], stray[..., 2]) + stray[..., 1] + tall * stray[..., 3]).max(axis=1)
+        frame, own = np.nonzero(far > _STRAY)
+        places = first + frame[:, None] + shares[:, 0, 0]
+        rows = [np.broadcast_to(columns[own][:, None], places.shape), places, *np.moveaxis(inner[frame, :, own], -1, 0)]
+        return np.stack(rows, axis=-1).reshape(-1, 6)
 
     def close(self) -> list[Path]:
         """Write the files and return them."""
@@ -164,8 +187,8 @@ class ClipSink:
             for low in range(0, len(mine), _AT_ONCE):
                 yield int(policy), mine[low : low + _AT_ONCE]
 
-    def _ground(self, policy: int, avatars: Array, times: Array) -> tuple[Array, Array]:
-        """Return ground transforms with their blends: x, lift and z (T, n, 3) [m], and headings (T, n)."""
+    def _ground(self, policy: int, avatars: Array, times: Array) -> Array:
+        """Return ground transforms with their blends: x, lift and z [m], and heading [rad]. Shape (T, n, 4)."""
         moments = Moments(np.arange(len(avatars)), times[:, None])
         part = self._sampler.poser.part(policy, avatars, moments, Blend.name)
         motion, transitions = part.window.motion, part.window.transitions
@@ -180,7 +203,8 @@ class ClipSink:
         poses = Posed(np.empty((*shape, 3), np.float32), np.empty((*shape, 1, 4), np.float32))
         share(len(avatars), blend_poses, moments, part.playback, part.window.rows, frames,
               transitions._replace(signs=signs), hinges, poses)  # fmt: skip
-        return poses.roots, 2.0 * np.arctan2(poses.rotations[..., 0, 2], poses.rotations[..., 0, 0])
+        headings = 2.0 * np.arctan2(poses.rotations[..., 0, 2], poses.rotations[..., 0, 0])
+        return np.concatenate([poses.roots, headings[..., None]], axis=-1)
 
     def _segments(self, policy: int, avatars: Array) -> list[list[Segment]]:
         """Return the segments of avatars of a policy."""
@@ -290,7 +314,7 @@ class ClipSink:
         cast, names = self._sampler.take.cast, self._sampler.motions[policy].skeleton.names
         for number in np.unique(cast.types[self._numbers][cast.policies[self._numbers] == policy]).tolist():
             kind = str(cast.type_names[number])
-            for prop in prop_meshes(cast.attachments, number):
+            for prop in prop_meshes(cast, number):
                 yield f"{kind} {names[prop.joint]} prop", kind, prop
 
     def _head(self, clips: dict[int, Array]) -> dict[str, Any]:
@@ -328,12 +352,19 @@ class ClipSink:
         """Yield the tracks of the avatars that are there."""
         cast = self._sampler.take.cast
         before = dict(zip(clips, np.cumsum([0, *map(len, clips.values())]), strict=False))
+        between = np.concatenate(self._between)
+        between = between[np.lexsort(between[:, 1::-1].T)]
+        own = np.searchsorted(between[:, 0], np.arange(len(self._numbers) + 1))
         for column, number in enumerate(self._numbers.tolist()):
             roots = self._roots[:, column].astype(float)
             there = np.flatnonzero(np.isfinite(roots[:, 0]))
             if not len(there):
                 continue
             roots[there, 3] = np.unwrap(roots[there, 3])
+            more = between[own[column] : own[column + 1], 1:]
+            headings = roots[more[:, 0].astype(int), 3]
+            more[:, 4] = headings + _turn(more[:, 4] - headings)
+            more[:, 0] -= there[0]
             policy = int(cast.policies[number])
             stretches, rate = clips[policy], self._sampler.motions[policy].frames.rate
             rows = []
@@ -355,6 +386,7 @@ class ClipSink:
                 "first": int(there[0]),
                 "segments": rows,
                 "roots": roots[there[0] : there[-1] + 1],
+                "between": more.round(4).tolist(),
             }
 
     def _write_json(self, path: Path, head: dict[str, Any], tracks: Callable[[], Iterator[dict[str, Any]]]) -> None:
@@ -378,12 +410,13 @@ class ClipSink:
             ("clip", pa.int32()), *((name, pa.float32()) for name in ("start", "from", "before", "after")),
         ])  # fmt: skip
         root = pa.struct([(name, pa.float32()) for name in ("x", "lift", "z", "heading")])
+        moment = pa.struct([("frame", pa.float32()), *root])
         schema = pa.schema(
             [
                 ("name", pa.string()), ("avatar", pa.int32()), ("team", pa.string()), ("type", pa.string()),
                 ("skeleton", pa.int32()), ("speed", pa.float32()), ("girth", pa.float32()),
                 ("sizes", pa.list_(pa.float32())), ("first", pa.int32()), ("segments", pa.list_(segment)),
-                ("roots", pa.list_(root)),
+                ("roots", pa.list_(root)), ("between", pa.list_(moment)),
             ],
             metadata={"crowdsim": json.dumps(head, ensure_ascii=False)},
         )  # fmt: skip
@@ -398,12 +431,18 @@ class ClipSink:
                 return [dict(zip((field.name for field in kind), row, strict=True)) for row in values]
 
             for track in tracks():
-                lists = {"segments": named(segment, track["segments"]), "roots": named(root, track["roots"].tolist())}
-                rows.append(track | lists)
+                roots = track["roots"].tolist()
+                lists = {"segments": named(segment, track["segments"]), "roots": named(root, roots)}
+                rows.append(track | lists | {"between": named(moment, track["between"])})
                 if len(rows) == _AT_ONCE:
                     flush()
             if rows:
                 flush()
+
+
+def _turn(angles: Array) -> Array:
+    """Return angles as the shortest way around [rad]."""
+    return np.asarray((angles + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def write_clips(

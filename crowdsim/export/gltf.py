@@ -247,7 +247,7 @@ class GltfSink:
             )
             kind = int(cast.types[number])
             if kind not in carried:
-                carried[kind] = prop_meshes(cast.attachments, kind)
+                carried[kind] = prop_meshes(cast, kind)
             for prop in carried[kind]:
                 document.add_prop(f"{name} {skeleton.names[prop.joint]} prop", first + 1 + prop.joint, prop)
             kinds = ROTATIONS[self._rotations], HELPER_ROTATIONS[self._rotations]
@@ -569,6 +569,8 @@ class Document:
                 key = (_PROP_PART, np.array(colour).tobytes())
                 if key not in self.materials:
                     self.materials[key] = self._add_material("prop", list(colour), 1.0 - GLOSS)
+                    # Meshes from files need not be closed.
+                    self.json["materials"][-1]["doubleSided"] = True
                 primitives.append({
                     "attributes": {
                         "POSITION": self.add(mesh.positions.astype("<f4"), _VERTICES, limits=True),

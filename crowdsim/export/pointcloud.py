@@ -200,7 +200,7 @@ class CloudSink:
     def _place_props(self, bodies: Bodies, when: When, wanted: Wanted, rows: Array) -> None:
         """Put some of the points of avatars, evenly picked, on what they carry instead."""
         cast = self._sampler.take.cast
-        for index in range(len(wanted.columns) if len(cast.attachments) else 0):
+        for index in range(len(wanted.columns) if len(cast.held) else 0):
             kind = int(cast.types[wanted.numbers[index]])
             riders = self._prop_riders(kind)
             if riders is None:
@@ -215,7 +215,7 @@ class CloudSink:
     def _prop_riders(self, kind: int) -> Riders | None:
         """Return the points on what avatars of a type carry; None where there are none."""
         if kind not in self._props:
-            props = self._sampler.take.cast.attachments
+            props = self._sampler.take.cast.held
             props = props[props["type"] == kind]
             area = float(prop_areas(props).sum())
             count = round(min(area / (area + _SKIN_AREA), _MOST_SHARE) * self._points)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.places.mesh import Mesh, join_meshes, triangle_areas
+from crowdsim.crowd.cast import Cast
+from crowdsim.places.mesh import Mesh, flat_mesh, join_meshes, triangle_areas
 
 GLOSS = 0.15
 """How much props shine."""
@@ -32,33 +33,35 @@ class PropMesh:
     key: bytes
 
 
-def prop_meshes(props: Array, kind: int) -> list[PropMesh]:
+def prop_meshes(cast: Cast, kind: int) -> list[PropMesh]:
     """Return what avatars of a type carry, by joints, ascending.
 
     Args:
-        props: What avatars carry, ``PROP``.
+        cast: All avatars.
         kind: Number of the type.
     """
-    mine, found = props[props["type"] == kind], []
-    for joint in np.unique(mine["joint"]):
-        rows = mine[mine["joint"] == joint]
-        sides, rings = _FINE if len(rows) <= _FEW else _COARSE
+    props, faces = (rows[rows["type"] == kind] for rows in (cast.attachments, cast.faces))
+    found = []
+    for joint in np.union1d(props["joint"], faces["joint"]):
+        capsules, triangles = props[props["joint"] == joint], faces[faces["joint"] == joint]
+        sides, rings = _FINE if len(capsules) <= _FEW else _COARSE
         parts = []
-        for colour in np.unique(rows["colour"], axis=0):
-            chosen = rows[(rows["colour"] == colour).all(axis=1)]
-            capsules = [
+        for colour in np.unique(np.concatenate([capsules["colour"], triangles["colour"]]), axis=0):
+            rows, flat = (own[(own["colour"] == colour).all(axis=1)] for own in (capsules, triangles))
+            meshes = [
                 capsule_mesh(row["start"].astype(float), row["end"].astype(float), float(row["radius"]), sides, rings)
-                for row in chosen
+                for row in rows
             ]
             # Colours are linear in files and pictures; those of types are as screens show them.
             red, green, blue = (round(float(value) ** 2, 4) for value in colour)
-            parts.append((join_meshes(capsules), (red, green, blue)))
-        found.append(PropMesh(int(joint), parts, _key(rows)))
+            mesh = join_meshes([*meshes, flat_mesh(flat["corners"])])
+            if len(mesh.triangles):
+                parts.append((mesh, (red, green, blue)))
+        names = ("start", "end", "radius", "colour")
+        key = [capsules[name] for name in names] + [triangles[name] for name in ("corners", "colour")]
+        if parts:
+            found.append(PropMesh(int(joint), parts, b"".join(values.tobytes() for values in key)))
     return found
-
-
-def _key(rows: Array) -> bytes:
-    return b"".join(np.ascontiguousarray(rows[name]).tobytes() for name in ("start", "end", "radius", "colour"))
 
 
 def capsule_mesh(start: Array, end: Array, radius: float, sides: int, rings: int) -> Mesh:

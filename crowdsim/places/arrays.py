@@ -42,7 +42,8 @@ class Places(NamedTuple):
         parts: The parts. Shape (n,), ``PART``.
         grid: Cells that list the parts near them.
         offsets: CSR: the parts of cell i are ``listed[offsets[i]:offsets[i + 1]]``. Shape (cells + 1,), int32.
-        listed: The parts, int32.
+        listed: The parts, int32, the nearest first.
+        gaps: How far each of these is from any point of its cell at least [m], float64.
         clear: How far from any point of each cell the nearest part is at least, open doors included [m]. (cells,).
         phases: Control frames from which on each set of doors is open, the first from ever on. Shape (P,).
         corners: Corners, x and z [m]. Shape (V, 2).
@@ -55,6 +56,7 @@ class Places(NamedTuple):
     grid: Grid
     offsets: Array
     listed: Array
+    gaps: Array
     clear: Array
     phases: Array
     corners: Array
@@ -149,21 +151,22 @@ def build_places(parts: Array, with_ways: bool = True) -> Places:
     if not len(parts):
         none, nowhere = np.zeros(0, np.int32), Grid(0.0, 0.0, 1.0, 0.0, 0.0)
         return Places(
-            np.zeros(0, PART), nowhere, np.zeros(1, np.int32), none, np.zeros(0), np.zeros(1), np.zeros((0, 2)),
-            np.zeros((1, 0, 0)), nowhere, np.zeros((1, 0, CORNERS), np.int32),
+            np.zeros(0, PART), nowhere, np.zeros(1, np.int32), none, np.zeros(0), np.zeros(0), np.zeros(1),
+            np.zeros((0, 2)), np.zeros((1, 0, 0)), nowhere, np.zeros((1, 0, CORNERS), np.int32),
         )  # fmt: skip
     grid = _grid_over(parts, REACH, _CELL, _MOST_CELLS)
     offsets, clear = np.zeros(int(grid.columns * grid.rows) + 1, np.int32), np.empty(int(grid.columns * grid.rows))
-    held = list_parts(parts, grid, REACH, offsets, np.zeros(0, np.int32), clear)
-    listed = np.empty(held, np.int32)
-    list_parts(parts, grid, REACH, offsets, listed, clear)
+    held = list_parts(parts, grid, REACH, offsets, np.zeros(0, np.int32), np.zeros(0), clear)
+    listed, gaps = np.empty(held, np.int32), np.empty(held)
+    list_parts(parts, grid, REACH, offsets, listed, gaps, clear)
+    order = np.lexsort([gaps, np.repeat(np.arange(len(clear)), np.diff(offsets))])
     times = np.concatenate([parts["opens"], parts["closes"]])
     phases = np.append(-np.inf, np.unique(times[np.isfinite(times)]))
     ways_grid = _grid_over(parts, _MARGIN, _WAYS_CELL, _MOST_WAYS_CELLS if with_ways else 1)
     cells = int(ways_grid.columns * ways_grid.rows)
     places = Places(
-        parts, grid, offsets, listed, clear, phases, np.zeros((0, 2)), np.zeros((len(phases), 0, 0)), ways_grid,
-        np.full((len(phases), cells, CORNERS), -1, np.int32),
+        parts, grid, offsets, listed[order], gaps[order], clear, phases, np.zeros((0, 2)),
+        np.zeros((len(phases), 0, 0)), ways_grid, np.full((len(phases), cells, CORNERS), -1, np.int32),
     )  # fmt: skip
     if not with_ways:
         return places

@@ -91,6 +91,16 @@ def triangle_areas(corners: Array) -> Array:
     return np.asarray(0.5 * np.linalg.norm(normals, axis=1))
 
 
+def flat_mesh(corners: Array) -> Mesh:
+    """Return triangles (T, 3, 3) [m] as a mesh with flat faces, those without an area left out."""
+    corners = corners.astype(float)
+    corners = corners[triangle_areas(corners) > 0.0]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    triangles = np.arange(3 * len(corners)).reshape(-1, 3)
+    return Mesh(corners.reshape(-1, 3), np.repeat(normals, 3, axis=0), triangles)
+
+
 def join_meshes(meshes: list[Mesh]) -> Mesh:
     """Return meshes as one."""
     firsts = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])

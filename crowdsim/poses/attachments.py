@@ -46,7 +46,7 @@ def place_attachments(cast: Cast, avatars: Array, positions: Array, rotations: A
         positions: Positions of their joints in the world, NaN while absent [m]. Shape (n, J, 3).
         rotations: Their rotations. Shape (n, J, 4).
     """
-    props, types = cast.attachments, np.asarray(cast.types)[avatars]
+    props, types = cast.held, np.asarray(cast.types)[avatars]
     order = np.argsort(props["type"], kind="stable")
     low, high = (np.searchsorted(props["type"][order], types, side=side) for side in ("left", "right"))
     who = np.repeat(np.arange(len(avatars)), high - low)
@@ -68,13 +68,14 @@ def check_attachments(take: TakeData, policies: Sequence[Policy]) -> None:
     Raises:
         TakeError: The skeleton of an avatar that carries something does not have its joint.
     """
-    cast, props = take.cast, take.cast.attachments
+    cast = take.cast
     fewest = np.full(len(cast.type_names), np.iinfo(np.int32).max)
     counts = np.array([len(policy.database.skeleton.names) for policy in policies], np.int32)
     np.minimum.at(fewest, cast.types, counts[cast.policies])
-    for index in np.flatnonzero(props["joint"] >= fewest[props["type"]])[:1]:
-        kind, joint = props["type"][index], props["joint"][index]
-        raise TakeError(
-            f"take {take.scenario!r}: attachments[{index}].joint is {joint}, expected one below {fewest[kind]}, the "
-            f"joints of the policy of type {cast.type_names[kind]!r}"
-        )
+    for key, props in (("attachments", cast.attachments), ("faces", cast.faces)):
+        for index in np.flatnonzero(props["joint"] >= fewest[props["type"]])[:1]:
+            kind, joint = props["type"][index], props["joint"][index]
+            raise TakeError(
+                f"take {take.scenario!r}: {key}[{index}].joint is {joint}, expected one below {fewest[kind]}, the "
+                f"joints of the policy of type {cast.type_names[kind]!r}"
+            )

@@ -181,7 +181,7 @@ class TakeSource:
     def held(self, poses: list[tuple[Array, Array]]) -> Capsules:
         """Return the capsules of what avatars carry, for the poses of a frame; a figure each."""
         cast = self.take.cast
-        if not len(cast.attachments):
+        if not len(cast.held):
             return Capsules(np.empty((0, 8), np.float32), np.empty((0, 4), np.float32), np.empty(0, np.int32))
         found = [
             place_attachments(cast, np.flatnonzero(self.avatar_figures == figure), *joints)
@@ -229,7 +229,7 @@ def _digest(take: Take) -> str:
     digest = hashlib.sha256(repr((*named, take.reactions, take.collision_avoidance)).encode())
     cast, events = take.cast, take.events
     of_cast = (cast.types, cast.teams, cast.policies, cast.scales, cast.girths, cast.speeds, cast.colours)
-    for array in (*of_cast, cast.stretches, cast.attachments, events.point, events.outcome):
+    for array in (*of_cast, cast.stretches, cast.attachments, cast.faces, events.point, events.outcome):
         digest.update(np.ascontiguousarray(array).tobytes())
     for frame in np.unique(np.linspace(0, take.frame_count - 1, 8).astype(int)):
         for variable in (take.action, take.action_frame, take.x, take.z, take.heading):

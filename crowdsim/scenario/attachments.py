@@ -82,7 +82,7 @@ class MeshAttachment(_Attachment):
     kind: Literal["mesh"] = Field(description="A mesh from a file.")
     file: str = Field(
         description="An OBJ file in the scenario's folder, of at most 500 triangles, in the prop's frame. Pictures "
-        "show it by rods that lie side by side on its faces."
+        "and clouds show it by rods that lie side by side on its faces, glTF files and the player by its triangles."
     )
     scale: float = Field(default=1.0, gt=0, le=1000, description="Metres to a unit of the file.")
 

@@ -26,6 +26,7 @@ class TakeHeader:
     def attributes(self, frames: int) -> dict[str, Any]:
         """Return the attributes of the take while it grows, of which ``frames`` control frames are planned."""
         cast = self.cast
+        props = {"attachments": cast.attachments, "faces": cast.faces}
         return {
             "format": FORMAT,
             "version": VERSION,
@@ -45,7 +46,7 @@ class TakeHeader:
             # xarray reads coordinates that are no dimensions from here.
             "coordinates": " ".join(COORDINATES),
             "type_colours": [[None if math.isnan(c) else float(c) for c in row] for row in cast.colours],
-            **({"attachments": [_plain(row) for row in cast.attachments]} if len(cast.attachments) else {}),
+            **{key: [_plain(row) for row in rows] for key, rows in props.items() if len(rows)},
         }
 
 

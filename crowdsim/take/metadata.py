@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -80,6 +81,16 @@ class PropFacts(DocumentModel):
     blocks: bool = False
 
 
+class FaceFacts(DocumentModel):
+    """A triangle of a mesh that avatars of a type carry, see ``crowd.props.FACE``."""
+
+    type: Annotated[int, Field(ge=0, le=1 << 14)]
+    joint: Annotated[int, Field(ge=0, le=1 << 14)]
+    corners: list[Annotated[list[_Near], Field(min_length=3, max_length=3)]] = Field(min_length=3, max_length=3)
+    colour: list[_Share] = Field(min_length=3, max_length=3)
+    blocks: bool
+
+
 class TakeAttributes(OpenModel):
     """The file ``.zattrs`` of a take."""
 
@@ -97,6 +108,7 @@ class TakeAttributes(OpenModel):
     reactions: bool = True
     collision_avoidance: bool = True
     attachments: list[PropFacts] = Field(default_factory=list, max_length=1 << 20)
+    faces: list[FaceFacts] = Field(default_factory=list, max_length=1 << 20)
     type_colours: list[list[Annotated[float, Field(ge=0.0, le=1.0)] | None]]
 
     @model_validator(mode="after")
@@ -106,10 +118,11 @@ class TakeAttributes(OpenModel):
             raise Fault(what, "policy_fingerprints")
         if len(self.type_colours) != len(self.type_names) or any(len(row) != 3 for row in self.type_colours):
             raise Fault(f"expected red, green and blue of each of {len(self.type_names)} types", "type_colours")
-        for index, prop in enumerate(self.attachments):
-            if prop.type >= len(self.type_names):
-                what = f"is {prop.type}, expected one of {len(self.type_names)} types"
-                raise Fault(what, "attachments", index, "type")
+        carried: dict[str, Sequence[PropFacts | FaceFacts]] = {"attachments": self.attachments, "faces": self.faces}
+        for key, props in carried.items():
+            for index, prop in enumerate(props):
+                if prop.type >= len(self.type_names):
+                    raise Fault(f"is {prop.type}, expected one of {len(self.type_names)} types", key, index, "type")
         return self
 
 

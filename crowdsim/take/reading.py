@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 
 from crowdsim.array_checks import ArrayFault, Column, check_shape
 from crowdsim.core.types import Array
-from crowdsim.crowd.props import PROP
+from crowdsim.crowd.props import FACE, PROP
 from crowdsim.errors import TakeError
 from crowdsim.scenario.names import NAME_RULE, avatar_name_fault, is_name
 from crowdsim.take import checks
@@ -79,20 +79,20 @@ def _read_cast(folder: Path, attributes: Mapping[str, Any], names: Array, sizes:
         policy_names=tuple(attributes["policy_names"]),
         group_names=tuple(attributes.get("group_names", ())),
         colours=np.array(colours, float).reshape(-1, 3),
-        attachments=_read_attachments(attributes),
+        attachments=_read_rows(attributes.get("attachments", ()), PROP),
+        faces=_read_rows(attributes.get("faces", ()), FACE),
     )
     _check_names(folder, cast)
     return cast
 
 
-def _read_attachments(attributes: Mapping[str, Any]) -> Array:
-    """Return what avatars of each type carry. Shape (P,), ``PROP``."""
-    given = attributes.get("attachments", ())
-    props = np.zeros(len(given), PROP)
-    for name in PROP.names or ():
+def _read_rows(given: Sequence[Mapping[str, Any]], dtype: np.dtype[Any]) -> Array:
+    """Return rows of what avatars of each type carry. Shape (n,), of a dtype."""
+    rows = np.zeros(len(given), dtype)
+    for name in dtype.names or ():
         for row, one in enumerate(given):
-            props[name][row] = one[name]
-    return props
+            rows[name][row] = one[name]
+    return rows
 
 
 def _read_attributes(folder: Path) -> dict[str, Any]:

@@ -54,6 +54,9 @@ class Crowd {
     this.props = [];
     for (const { type, colour, ...prop } of scene.props ?? []) (this.props[type] ??= []).push({ ...prop, paint: [...colour.map(value => value ** 2), 0.2] });
     tables.type?.forEach(type => { this.capsules += this.props[type]?.length ?? 0; });
+    this.faces = [];
+    for (const { type, colour, ...mesh } of scene.faces ?? []) (this.faces[type] ??= []).push({ ...mesh, paint: [...colour.map(value => value ** 2), 0.2] });
+    this.meshes = []; // that skinned avatars carry: mesh, position and rotation of its joint, size
     this.look = 'bodies'; // or skeletons, or cloud
     this.skinned = [];
     this.bones = Array.from({ length: MOST_SKINS }, () => new Float32Array(12 * (most + 4)));
@@ -159,6 +162,7 @@ class Crowd {
       if (pixels > 0 || avatar === selected) seen.push([avatar, pixels * height[avatar] * detail]);
     }
     this.skinned = [];
+    this.meshes = [];
     if (this.look === 'bodies' && skins > 0) {
       const large = seen.filter(([avatar, size]) => size > SKIN_PIXELS && this.scene.tables.bone_at?.[avatar] >= 0);
       this.skinned = large.sort((a, b) => b[1] - a[1]).slice(0, skins).map(([avatar]) => avatar);
@@ -179,7 +183,7 @@ class Crowd {
       owners.fill(-1, at, next);
       at = next;
     }
-    // What skinned avatars carry is drawn; their capsules behind it cast shadows and are pointed at.
+    // What skinned avatars carry is drawn; their capsules, and rods of meshes, cast shadows and are pointed at.
     for (const avatar of this.skinned) at = this.placeAvatar(avatar, 1e9, moment, at, true);
     this.visible = at;
     for (const avatar of this.skinned) at = this.placeAvatar(avatar, 1e9, moment, at, false);
@@ -192,7 +196,7 @@ class Crowd {
     if (!this.pose(avatar, moment)) return at;
     const { heads, roots, facing, positions: P, rotations: R, look } = this, { scale } = this.scene.tables;
     const figure = this.scene.figures[this.scene.tables.figure[avatar]];
-    if (held) return this.placeProps(avatar, at);
+    if (held) return this.placeProps(avatar, at, held);
     roots[3 * avatar] = P[0]; roots[3 * avatar + 1] = P[1]; roots[3 * avatar + 2] = P[2];
     const ahead = figure.face ? figure.face.ahead : [0, 0, 1];
     if (figure.face) {
@@ -211,7 +215,7 @@ class Crowd {
     if (look === 'skeletons') at = this.placeSkeleton(avatar, figure, at);
     else if (look === 'cloud') at = this.placeCloud(avatar, figure, at, size);
     else at = this.placeCapsules(avatar, figure, at, size);
-    return held === null ? this.placeProps(avatar, at) : at;
+    return this.placeProps(avatar, at, held);
   }
 
   placeCapsules(avatar, figure, at, size) {
@@ -241,10 +245,14 @@ class Crowd {
     out[o + 7] = radii[2 * k + 1] * wide;
   }
 
-  // What avatars of its type carry, with its body's size.
-  placeProps(avatar, at) {
+  // What avatars of its type carry, with its body's size; of a skinned one meshes instead of their rods (`held`), or the
+  // rods alone.
+  placeProps(avatar, at, held) {
     const { shapes, owners, positions: P, rotations: R } = this, { scale, type } = this.scene.tables, s = scale[avatar];
-    for (const { joint, start, end, radius, paint } of this.props[type?.[avatar]] ?? []) {
+    for (const mesh of (held && this.faces[type?.[avatar]]) || [])
+      this.meshes.push([mesh, P.slice(3 * mesh.joint, 3 * mesh.joint + 3), R.slice(4 * mesh.joint, 4 * mesh.joint + 4), s]);
+    for (const { joint, start, end, radius, paint, mesh } of this.props[type?.[avatar]] ?? []) {
+      if (mesh === held) continue;
       const o = FLOATS * at;
       rotate(shapes, o, R, 4 * joint, ...start.map(value => value * s));
       rotate(shapes, o + 4, R, 4 * joint, ...end.map(value => value * s));

@@ -140,6 +140,19 @@ void main() {
   n = vec3(dot(x.xyz, normal), dot(y.xyz, normal), dot(z.xyz, normal));
   gl_Position = project(at);
 }`;
+const PROP_VERTEX = `${HEAD}
+layout(location = 0) in vec3 place;
+layout(location = 1) in vec3 normal;
+uniform vec3 joint; // that carries it: its position and rotation
+uniform vec4 turn;
+uniform float size;
+out vec3 at, n;
+vec3 turned(vec3 v) { return v + 2.0 * cross(turn.yzw, cross(turn.yzw, v) + turn.x * v); }
+void main() {
+  at = joint + turned(size * place);
+  n = turned(normal);
+  gl_Position = project(at);
+}`;
 const SKIN_FRAGMENT = `${HEAD}${LIT}
 in vec3 at, n;
 uniform vec4 paint;
@@ -147,7 +160,7 @@ out vec4 colour;
 void main() {
   vec3 way = at - eye;
   float hit = length(way);
-  colour = vec4(shade(at, normalize(n), way / hit, paint, hit), 1);
+  colour = vec4(shade(at, normalize(gl_FrontFacing ? n : -n), way / hit, paint, hit), 1);
 }`;
 const POINT_VERTEX = `${HEAD}
 layout(location = 0) in vec3 place;
@@ -349,6 +362,7 @@ class Painter {
       floor: this.program(FLOOR_VERTEX, FLOOR_FRAGMENT),
       mark: this.program(MARK_VERTEX, MARK_FRAGMENT),
       skin: this.program(SKIN_VERTEX, SKIN_FRAGMENT),
+      prop: this.program(PROP_VERTEX, SKIN_FRAGMENT),
       point: this.program(POINT_VERTEX, POINT_FRAGMENT),
     };
     this.rows = Math.max(1, Math.ceil(this.crowd.capsules / ROW));
@@ -401,22 +415,24 @@ class Painter {
     return array;
   }
 
+  // A new buffer with some values.
+  fill(target, values) {
+    const gl = this.gl, buffer = gl.createBuffer();
+    gl.bindBuffer(target, buffer);
+    gl.bufferData(target, values, gl.STATIC_DRAW);
+    return buffer;
+  }
+
   // The mesh of a build, which goes to the graphics memory once.
   mesh(figure, build) {
     const gl = this.gl, key = `${figure} ${build}`;
     if (this.skins.has(key)) return this.skins.get(key);
     const skin = this.scene.figures[figure].skins[build], { tables: t } = this.scene, of = name => t[`skin_${skin.number}_${name}`];
-    const fill = (target, values) => {
-      const buffer = gl.createBuffer();
-      gl.bindBuffer(target, buffer);
-      gl.bufferData(target, values, gl.STATIC_DRAW);
-      return buffer;
-    };
     const normals = Int8Array.from(of('normals'), value => value - 128);
-    const array = this.attributes([[0, fill(gl.ARRAY_BUFFER, of('vertices')), 3, 0, 0], [1, fill(gl.ARRAY_BUFFER, normals), 3, 0, 0, gl.BYTE],
-      [2, fill(gl.ARRAY_BUFFER, of('joints')), 4, 0, 0, gl.UNSIGNED_BYTE], [3, fill(gl.ARRAY_BUFFER, of('weights')), 4, 0, 0, gl.UNSIGNED_BYTE]]);
+    const array = this.attributes([[0, this.fill(gl.ARRAY_BUFFER, of('vertices')), 3, 0, 0], [1, this.fill(gl.ARRAY_BUFFER, normals), 3, 0, 0, gl.BYTE],
+      [2, this.fill(gl.ARRAY_BUFFER, of('joints')), 4, 0, 0, gl.UNSIGNED_BYTE], [3, this.fill(gl.ARRAY_BUFFER, of('weights')), 4, 0, 0, gl.UNSIGNED_BYTE]]);
     gl.bindVertexArray(array);
-    fill(gl.ELEMENT_ARRAY_BUFFER, Uint16Array.from(of('triangles')));
+    this.fill(gl.ELEMENT_ARRAY_BUFFER, Uint16Array.from(of('triangles')));
     gl.bindVertexArray(null);
     const made = { array, ends: skin.ends };
     this.skins.set(key, made);
@@ -446,6 +462,20 @@ class Painter {
       });
     });
     gl.disable(gl.CULL_FACE);
+  }
+
+  // Draws the meshes that these avatars carry.
+  drawProps(view) {
+    const gl = this.gl;
+    for (const [mesh, joint, turn, size] of this.crowd.meshes) {
+      if (!this.skins.has(mesh)) {
+        const [places, normals] = [mesh.places, mesh.normals].map(values => this.fill(gl.ARRAY_BUFFER, new Float32Array(values)));
+        this.skins.set(mesh, this.attributes([[0, places, 3, 0, 0], [1, normals, 3, 0, 0]]));
+      }
+      this.use('prop', view, { joint, turn, size, paint: mesh.paint });
+      gl.bindVertexArray(this.skins.get(mesh));
+      gl.drawArrays(gl.TRIANGLES, 0, mesh.places.length / 3);
+    }
   }
 
   drawPoints(view) {
@@ -620,6 +650,7 @@ class Painter {
     if (bare) this.quadsOf();
     gl.disable(gl.SAMPLE_ALPHA_TO_COVERAGE);
     this.drawSkins(view);
+    this.drawProps(view);
     this.drawPoints(view);
     if (seconds !== null) this.marks(view, seconds);
     gl.colorMask(true, true, true, true);

@@ -17,6 +17,7 @@ from crowdsim.crowd.events import OUTCOMES
 from crowdsim.errors import TakeError
 from crowdsim.motion import quaternion
 from crowdsim.motion.strikes import LIMBS
+from crowdsim.places.mesh import flat_mesh
 from crowdsim.poses.builds import joint_segments
 from crowdsim.poses.down_state import fallen_rows
 from crowdsim.poses.sampler import PoseSampler
@@ -194,6 +195,7 @@ class TakeMotion:
             "outcomes": list(OUTCOMES),
             "targets": list(take.target_names),
             "props": self._props(),
+            "faces": self._faces(),
         }
         tables = {
             "figure": np.searchsorted(self._policies, cast.policies[numbers]).astype(np.int32),
@@ -218,7 +220,8 @@ class TakeMotion:
         return {**document, "clips": clips}, tables
 
     def _props(self) -> list[dict[str, Any]]:
-        """Return the capsules that avatars carry, by the numbers of their types."""
+        """Return the capsules that avatars carry, by the numbers of their types; ``mesh`` marks rods on faces."""
+        solid = len(self.take.cast.attachments)
         return [
             {
                 "type": int(row["type"]),
@@ -227,9 +230,25 @@ class TakeMotion:
                 "end": [round(float(value), 4) for value in row["end"]],
                 "radius": round(float(row["radius"]), 4),
                 "colour": [round(float(value), 4) for value in row["colour"]],
+                "mesh": number >= solid,
             }
-            for row in self.take.cast.attachments
+            for number, row in enumerate(self.take.cast.held)
         ]
+
+    def _faces(self) -> list[dict[str, Any]]:
+        """Return the triangles of meshes that avatars carry, those of a type, joint and colour together."""
+        faces, found = self.take.cast.faces, []
+        keys = np.concatenate([faces["type"][:, None], faces["joint"][:, None], faces["colour"]], axis=1)
+        for key in np.unique(keys, axis=0):
+            mesh = flat_mesh(faces["corners"][(keys == key).all(axis=1)])
+            found.append({
+                "type": int(key[0]),
+                "joint": int(key[1]),
+                "places": mesh.positions.round(4).ravel().tolist(),
+                "normals": mesh.normals.round(3).ravel().tolist(),
+                "colour": [round(float(value), 4) for value in key[2:]],
+            })  # fmt: skip
+        return found
 
     def _skins(self, paints: Array) -> dict[str, Array]:
         """Return meshes of skins, one for each build, and how each avatar's grows from it; nothing for large crowds.

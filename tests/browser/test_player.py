@@ -232,6 +232,34 @@ def test_what_avatars_carry_is_shown(browser, workplace, finish) -> None:
     assert browser.console == []
 
 
+def test_meshes_that_avatars_carry_are_their_triangles_on_near_avatars(browser, workplace, finish) -> None:
+    (workplace / "plate.obj").write_text("v 0 0 0\nv 0.6 0 0\nv 0 0.6 0\nv 0.6 0.6 0\nf 1 2 4 3\n", encoding="utf-8")
+    plate = {"kind": "mesh", "joint": "head", "file": "plate.obj", "offset": [-0.3, 0.2, 0], "colour": "#00c800"}
+    write_scene(workplace / "four.yaml", types={"boxer": {"policy": "tiny", "attachments": [plate]}})
+    finish(workplace)
+    (workplace / "page.html").write_text(library.open_run(workplace / "run").view(fps=30), encoding="utf-8")
+    browser.shown(workplace / "page.html")
+    browser.evaluate("crowdsimPlayer.play(false); crowdsimPlayer.seek(1)")
+    browser.settle()
+    # Owners of rods that are drawn, of all rods, and of meshes.
+    shown, rods, meshes = browser.evaluate(
+        "(() => { const { crowd } = crowdsimPlayer, rods = [];"
+        "for (let i = 0; i < crowd.drawn; i++) if (crowd.shapes[12 * i + 9] > 0.5 && crowd.shapes[12 * i + 8] < 0.01)"
+        "rods.push([i, crowd.owners[i]]);"
+        "const of = list => [...new Set(list.map(([, avatar]) => avatar))];"
+        "return [of(rods.filter(([i]) => i < crowd.visible)), of(rods), crowd.meshes.length && crowd.skinned]; })()"
+    )
+    assert meshes
+    assert set(rods) == {0, 1, 2, 3}
+    assert set(shown) == {0, 1, 2, 3} - set(meshes)
+    assert browser.evaluate("crowdsimPlayer.crowd.meshes.length") == len(meshes)
+    assert near(picture(browser), np.array((0, 200, 0)), 40) > 500
+    browser.press("k")
+    browser.settle()
+    assert browser.evaluate("crowdsimPlayer.crowd.meshes.length") == 0
+    assert browser.console == []
+
+
 def test_scrubbing_changes_the_picture_and_going_back_brings_it_back(player) -> None:
     first = picture(player)
     player.evaluate(

@@ -165,7 +165,7 @@ def test_an_obj_file_is_read_and_its_faces_are_covered_by_rods(tmp_path):
     (tmp_path / "bat.obj").write_text(TETRAHEDRON, encoding="utf-8")
     vertices, triangles = read_obj(tmp_path / "bat.obj")
     assert triangles.tolist() == [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]
-    rods = face_rods(vertices, triangles)
+    rods = face_rods(vertices[triangles])
     for corners in vertices[triangles]:
         for weights in ([0.98, 0.01, 0.01], [0.3, 0.3, 0.4], [0.1, 0.8, 0.1]):
             point = np.array(weights) @ corners
@@ -239,9 +239,13 @@ def test_a_prop_at_a_joint_that_is_not_there_is_refused():
 def test_poses_of_a_take_with_a_prop_at_a_joint_that_is_not_there_are_refused(runs):
     run = package.open_run(runs[1])
     props = run.cast.attachments.copy()
-    props["joint"][1] = 9999
-    with pytest.raises(TakeError, match=r"attachments\[1\].joint is 9999"):
+    props["joint"][0] = 9999
+    with pytest.raises(TakeError, match=r"attachments\[0\].joint is 9999"):
         PoseSampler(replace(run, cast=replace(run.cast, attachments=props)), run.policies)
+    faces = run.cast.faces.copy()
+    faces["joint"][1] = 9999
+    with pytest.raises(TakeError, match=r"faces\[1\].joint is 9999"):
+        PoseSampler(replace(run, cast=replace(run.cast, faces=faces)), run.policies)
 
 
 @pytest.fixture
@@ -262,7 +266,13 @@ def test_runs_record_what_avatars_carry_and_show_it(runs, capsys):
     assert "attachments" not in (runs[0] / "take.zarr" / ".zattrs").read_text(encoding="utf-8")
     props = held.cast.attachments
     names = held.policies[0].database.skeleton.names
-    assert {names[joint] for joint in props["joint"]} == {"RightHand", "Head"}
+    assert {names[joint] for joint in props["joint"]} == {"RightHand"}
+    assert {names[joint] for joint in held.cast.faces["joint"]} == {"Head"}
+    # The tetrahedron is turned by 90 degrees about y, and 0.2 m up.
+    corners = np.unique(held.cast.faces["corners"].reshape(-1, 3).round(5), axis=0)
+    expected = [[0.0, 0.2, -0.1], [0.0, 0.2, 0.0], [0.0, 0.3, 0.0], [0.1, 0.2, 0.0]]
+    np.testing.assert_allclose(corners, expected, atol=1e-6)
+    assert len(held.cast.held) == len(props) + len(face_rods(held.cast.faces["corners"].astype(float)))
     np.testing.assert_allclose(props["end"][0], [-0.07, 0.0, 0.6], atol=1e-6)
     for name in ("action", "x", "heading"):
         np.testing.assert_array_equal(getattr(bare, name)[:], getattr(held, name)[:])

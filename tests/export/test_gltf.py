@@ -18,7 +18,7 @@ from crowdsim.body.anatomy import Build
 from crowdsim.body.looks import usual_build
 from crowdsim.body.skin import build_skin, pose_skins
 from crowdsim.crowd.attachments import WOOD
-from crowdsim.crowd.props import PROP
+from crowdsim.crowd.props import FACE, PROP
 from crowdsim.errors import OutputError
 from crowdsim.export import gltf, stream
 from crowdsim.export.gltf import write_gltf
@@ -289,6 +289,23 @@ def test_props_are_children_of_joints_where_pictures_show_them(armed: PoseSample
                 assert np.min(gaps, axis=0).max() < 1e-5
                 seen.add((name, len(points)))
     assert len(seen) == 5
+
+
+def test_meshes_from_files_are_their_triangles_where_joints_are(sampler: PoseSampler, tmp_path: Path) -> None:
+    cast, head = sampler.take.cast, sampler.policies[0].database.body.roles["head"]
+    corners = np.array([[[0, 0.2, 0], [0.1, 0.2, 0], [0, 0.2, 0.1]], [[0, 0.2, 0], [0, 0.2, 0], [0, 0.3, 0]]])
+    faces = np.array([(1, head, face, RED, False) for face in corners], FACE)
+    take = replace(sampler.take, cast=replace(cast, faces=faces))
+    (path,) = write_gltf(PoseSampler(take, sampler.policies), tmp_path / "crowd.glb", fps=FPS)
+    scene = Scene(path)
+    (node,) = (number for number, name in enumerate(scene.names) if name.endswith(" prop"))
+    assert scene.names[node] == "late_0 Head prop"
+    (primitive,) = scene.gltf.meshes[scene.gltf.nodes[node].mesh].primitives
+    points = scene.values(primitive.attributes.POSITION)[scene.values(primitive.indices).reshape(-1, 3)]
+    # The triangle without an area is left out.
+    np.testing.assert_allclose(points, corners[:1], atol=1e-6)
+    np.testing.assert_allclose(scene.values(primitive.attributes.NORMAL), [[0, -1, 0]] * 3, atol=1e-6)
+    assert scene.gltf.materials[primitive.material].doubleSided
 
 
 def distance_to(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:

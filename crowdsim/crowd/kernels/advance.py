@@ -6,7 +6,8 @@ import numpy as np
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.easing import minimum_jerk
-from crowdsim.crowd.kernels.confinement import confine
+from crowdsim.crowd.kernels.confinement import AHEAD as LOOKS_AHEAD
+from crowdsim.crowd.kernels.confinement import confine, prefetch_outline
 from crowdsim.crowd.kernels.forced_actions import note_condition
 from crowdsim.crowd.kernels.interpolation import ground_at
 from crowdsim.crowd.kernels.layout import AHEAD, ENTERED, NO_STRIKE
@@ -95,6 +96,8 @@ def switch(model, avatars, world, frame, due, chosen, first, last):
             prefetch(avatars.fight, due[q + 2 * AHEAD])
         if q + AHEAD < last:
             _prefetch_start(model, avatars, due[q + AHEAD], chosen[q + AHEAD], varied)
+            for ahead in range(LOOKS_AHEAD + 1 if confined else 0):
+                prefetch_outline(model, avatars, due[q + AHEAD], chosen[q + AHEAD], np.float64(ahead))
         i = due[q]
         old, new = motion[i].action, chosen[q]
         if varied:
@@ -146,6 +149,8 @@ def start_action(model, avatars, world, frame, i, new, phase):
     avatars.heading[i] = heading + turn
     motion[i].action = new
     motion[i].phase = phase
+    if avatars.free.shape[0] > 0:
+        avatars.free[i] = -1.0
 
 
 @kernel(inline=True)

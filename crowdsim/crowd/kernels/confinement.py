@@ -4,8 +4,9 @@ from crowdsim.core.angles import cos_sin
 from crowdsim.core.easing import minimum_jerk
 from crowdsim.crowd.kernels.interpolation import ground_at
 from crowdsim.crowd.kernels.layout import LIMB_ROOM, PELVIS, TRUNK_ROOM
+from crowdsim.crowd.kernels.prefetch import prefetch
 from crowdsim.jit import kernel
-from crowdsim.places.kernels.distance import cell_at, is_beyond, part_gap, stands, way_gap
+from crowdsim.places.kernels.distance import cell_at, part_gap, stands, way_gap
 
 CLEARANCE = 0.3  # how far the ground transform of a body keeps from obstacles, for a scale of 1 [m]
 PASSES = 3  # how often all obstacles near are gone through
@@ -30,12 +31,16 @@ def confine(model, avatars, world, frame, i):
 
 @kernel(allocates=False)
 def _confine(model, avatars, places, frame, i):
-    """Move an avatar near obstacles, see ``confine``."""
-    _move(avatars, i, _find_push(model, avatars, places, frame, i, 0))
+    """Move an avatar near obstacles, see ``confine``; what was found to be free a frame ago is not looked at again."""
+    phase, speed = avatars.motion[i].phase, avatars.motion[i].speed
+    if phase > avatars.free[i]:
+        _move(avatars, i, _find_push(model, avatars, places, frame, i, 0))
     most, step_x, step_z = 0.0, 0.0, 0.0
     for ahead in range(1, AHEAD + 1):
-        if avatars.motion[i].phase + (ahead - 1) * avatars.motion[i].speed >= _length(model, avatars, i):
+        if phase + (ahead - 1) * speed >= _length(model, avatars, i):
             break
+        if phase + ahead * speed <= avatars.free[i]:
+            continue
         push_x, push_z = _find_push(model, avatars, places, frame, i, ahead)
         push_x, push_z = push_x / (ahead + 1), push_z / (ahead + 1)
         square = push_x * push_x + push_z * push_z
@@ -45,6 +50,21 @@ def _confine(model, avatars, places, frame, i):
         _move(avatars, i, (step_x, step_z))
         # A step beside one obstacle may lead into another.
         _move(avatars, i, _find_push(model, avatars, places, frame, i, 0))
+    else:
+        avatars.free[i] = phase + AHEAD * speed + 1e-9
+        prefetch_outline(model, avatars, i, avatars.motion[i].action, phase + (AHEAD + 1) * speed)
+
+
+@kernel(inline=True)
+def prefetch_outline(model, avatars, i, action, phase):
+    """Prefetch what says where a body is some frames into an action."""
+    shown = int(phase * model.policies[avatars.policy[i]].stride)
+    shown = min(shown, model.actions[action].length * model.policies[avatars.policy[i]].stride)
+    shown += model.actions[action].origin
+    prefetch(model.ground, shown)
+    prefetch(model.extents, shown)
+    prefetch(model.outlines, shown)
+    prefetch(model.outlines, shown + 1)  # the end of what is longer than a line
 
 
 @kernel(inline=True)
@@ -89,10 +109,10 @@ def _push_out(outline, places, frame, cell, from_x, from_z, heading, size, far, 
     for attempt in range(PASSES + ROOT_PASSES):
         still = True
         for k in range(places.offsets[cell], places.offsets[cell + 1]):
+            if places.gaps[k] >= far + abs(moved_x) + abs(moved_z):
+                break
             part = places.parts[places.listed[k]]
             x, z = from_x + moved_x, from_z + moved_z
-            if is_beyond(part, x, z, far):
-                continue
             gap, nx, nz = part_gap(part, x, z)
             if gap >= far or not stands(part, frame):
                 continue
@@ -112,8 +132,11 @@ def _push_out(outline, places, frame, cell, from_x, from_z, heading, size, far, 
 
 @kernel(inline=True)
 def _move(avatars, i, way):
-    """Move an avatar and its action."""
+    """Move an avatar and its action, if at all."""
     moved_x, moved_z = way
+    if moved_x == 0.0 and moved_z == 0.0:
+        return
+    avatars.free[i] = -1.0
     avatars.x[i] += moved_x
     avatars.z[i] += moved_z
     avatars.playback[i].base_x += moved_x

@@ -6,6 +6,7 @@ from crowdsim.jit import kernel
 
 REACH = 2.0  # how far from a cell of the grid the parts are that it lists [m]
 CLEAR = 0.3  # how far from obstacles avatars of size 1 are to be placed [m]
+STRETCH = 1.5  # length at most of stretches of ways, each of which is compared with the parts that a cell lists [m]
 ANY_HEIGHT = -1.0  # instead of a height, where every part counts
 
 
@@ -22,13 +23,6 @@ def cell_at(grid, x, z):
     if column < 0.0 or row < 0.0 or column >= grid.columns or row >= grid.rows:
         return -1
     return int(row) * int(grid.columns) + int(column)
-
-
-@kernel(inline=True)
-def is_beyond(part, x, z, far):
-    """Return whether a part is certainly further from a point than some distance [m]."""
-    dx, dz, bound = x - part.x, z - part.z, part.bound + far
-    return dx * dx + dz * dz > bound * bound
 
 
 @kernel(inline=True)
@@ -102,6 +96,8 @@ def gap_at(places, frame, x, z):
     least, cell = REACH, cell_at(places.grid, x, z)
     if cell >= 0:
         for k in range(places.offsets[cell], places.offsets[cell + 1]):
+            if places.gaps[k] >= least:
+                break
             part = places.parts[places.listed[k]]
             if stands(part, frame):
                 least = min(least, part_gap(part, x, z)[0])
@@ -133,7 +129,7 @@ def is_way_free(places, frame, x, z, to_x, to_z, room, height):
         return True
     dx, dz = to_x - x, to_z - z
     length = math.sqrt(dx * dx + dz * dz)
-    stations = max(math.ceil(length / (2.0 * (REACH - room))), 1.0)
+    stations = max(math.ceil(length / STRETCH), 1.0)
     stretch = length / stations
     ux, uz = dx / max(length, 1e-12), dz / max(length, 1e-12)
     for station in range(int(stations)):
@@ -142,6 +138,8 @@ def is_way_free(places, frame, x, z, to_x, to_z, room, height):
         if cell < 0 or places.clear[cell] > 0.5 * stretch + room:
             continue
         for k in range(places.offsets[cell], places.offsets[cell + 1]):
+            if places.gaps[k] > 0.5 * stretch + room:
+                break
             part = places.parts[places.listed[k]]
             px, pz = part.x - x, part.z - z
             along = min(max(px * ux + pz * uz, 0.0), length)
@@ -165,10 +163,11 @@ def may_be_near(places, x, z, far):
 
 
 @kernel(allocates=False)
-def list_parts(parts, grid, reach, offsets, listed, clear):
-    """List the parts within ``reach`` of each cell of a grid, as CSR, and how far from all cells are at least.
+def list_parts(parts, grid, reach, offsets, listed, gaps, clear):
+    """List the parts within ``reach`` of each cell of a grid, as CSR, with how far they are from it at least.
 
-    Where ``listed`` has no room parts are only counted. Returns how many entries there are.
+    ``clear`` gets how far cells are from all parts at least. Where ``listed`` has no room parts are only counted.
+    Returns how many entries there are.
     """
     held, half = 0, 0.5 * grid.size
     corner = half * math.sqrt(2.0)
@@ -182,7 +181,7 @@ def list_parts(parts, grid, reach, offsets, listed, clear):
             least = min(least, gap)
             if gap <= reach + corner:
                 if held < listed.shape[0]:
-                    listed[held] = k
+                    listed[held], gaps[held] = k, gap - corner
                 held += 1
         offsets[cell + 1], clear[cell] = held, least - corner
     return held

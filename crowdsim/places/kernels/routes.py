@@ -44,14 +44,14 @@ def first_corner(places, frame, x, z, to_x, to_z):
     left_here, left_there = _all_of(here), _all_of(there)
     while True:
         m, n, best = -1, -1, math.inf
-        for j in range(CORNERS):
-            if left_there >> j & 1:
-                last = _apart(corners, there[j], to_x, to_z)
-                if last >= best:
+        for i in range(CORNERS):
+            if left_here >> i & 1:
+                first = _apart(corners, here[i], x, z)
+                if first + _apart(corners, here[i], to_x, to_z) >= best:
                     continue
-                for i in range(CORNERS):
-                    if left_here >> i & 1:
-                        length = last + apart[there[j], here[i]] + _apart(corners, here[i], x, z)
+                for j in range(CORNERS):
+                    if left_there >> j & 1 and first + apart[there[j], here[i]] < best:
+                        length = first + apart[there[j], here[i]] + _apart(corners, there[j], to_x, to_z)
                         if length < best:
                             m, n, best = i, j, length
         if m < 0:

@@ -9,7 +9,7 @@ from crowdsim.core.angles import cos_sin
 from crowdsim.crowd.kernels.layout import FIGHTS
 from crowdsim.crowd.kernels.travelling import travels
 from crowdsim.jit import kernel
-from crowdsim.places.kernels.distance import cell_at, is_beyond, may_be_near, part_gap, stands
+from crowdsim.places.kernels.distance import cell_at, may_be_near, part_gap, stands
 
 BACKED = 3.0  # what it costs to have an obstacle right behind, and the opponent ahead, in normalised values
 BEHIND = 1.1  # how far from obstacles that costs nothing, for a scale of 1 [m]
@@ -39,8 +39,10 @@ def _add_backs(model, avatars, places, frame, own, state, dx, dz, values):
     x, z, size = avatars.x[own], avatars.z[own], avatars.playback[own].scale
     least, nx, nz, cell = (model.reaches[state] + BEHIND) * size, 0.0, 0.0, cell_at(places.grid, x, z)
     for m in range(places.offsets[cell], places.offsets[cell + 1]):
+        if places.gaps[m] >= least:
+            break
         part = places.parts[places.listed[m]]
-        if not is_beyond(part, x, z, least) and stands(part, frame):
+        if stands(part, frame):
             gap, px, pz = part_gap(part, x, z)
             if gap < least and px * dx + pz * dz > 0.0:
                 least, nx, nz = gap, px, pz

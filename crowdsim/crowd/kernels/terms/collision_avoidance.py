@@ -17,7 +17,7 @@ from crowdsim.crowd.kernels.sole_contact import treads_on
 from crowdsim.crowd.kernels.tables import whole_lanes
 from crowdsim.crowd.kernels.travelling import travels
 from crowdsim.jit import kernel
-from crowdsim.places.kernels.distance import cell_at, is_beyond, may_be_near, part_gap, stands, way_gap
+from crowdsim.places.kernels.distance import cell_at, may_be_near, part_gap, stands, way_gap
 
 HALTED = 0.75  # where bodies meet while they halt, over where they do at the end of actions
 LYING, PASSING = 0.75, 0.5  # how far from the axis of a body on the floor others should end, and pass it [m]
@@ -237,8 +237,10 @@ def _add_obstacles(model, avatars, places, frame, own, furthest, ends):
     cos, sin = cos * size, sin * size
     cell = cell_at(places.grid, x, z)
     for m in range(places.offsets[cell], places.offsets[cell + 1]):
+        if places.gaps[m] > far:
+            break
         part = places.parts[places.listed[m]]
-        if is_beyond(part, x, z, far) or not stands(part, frame):
+        if not stands(part, frame):
             continue
         gap, nx, nz = part_gap(part, x, z)
         if gap > far:
