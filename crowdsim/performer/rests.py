@@ -62,18 +62,12 @@ _NECK = part(0.0, 0.30, 0.32, 0.7, HEAD_BEND=0.32)
 _HANDS = (Channel.LEAD_HAND_X, Channel.REAR_HAND_X)
 
 
-def _stand_easy(plan: Choreographer, start: float, down: float, eased: float, up: float, end: float) -> None:
-    """Bring the hands from the guard to hang, all else to ease, and everything back.
-
-    Args:
-        plan: Where it is written.
-        start: When that begins [s].
-        down: When the hands hang [s].
-        eased: When the body is at ease [s].
-        up: When the guard begins to be raised [s].
-        end: When that is done [s].
-    """
-    plan.play(_EASE, (start, eased, up, end), spread=0.05)
+def _stand_easy(
+    plan: Choreographer, lowers: tuple[float, float], eases: tuple[float, float], raises: tuple[float, float]
+) -> None:
+    """Bring the hands from the guard to hang, all else to ease, and all back: each from one time to another [s]."""
+    (start, down), (up, end) = lowers, raises
+    plan.play(_EASE, (*eases, up, end), spread=0.05)
     for side, fist in enumerate(plan.style.fists):
         out, high, ahead = _HANGING
         late = float(plan.rng.uniform(0.0, 0.08))
@@ -155,9 +149,10 @@ def write_rest(plan: Choreographer, kind: str, moves: bool) -> Score:
     start += float(rng.uniform(0.0, 0.15))
     down = start + plan.about(_LOWERS, 0.06)
     prints = plan.prints.copy()
-    eased = down
+    eases, eased = start, down
     if kind in _BACKS:
-        eased = stands = max(down, _back_off(plan, start + 0.1, _BACKS[kind]))
+        eases = _back_off(plan, start + 0.1, _BACKS[kind])
+        eased = stands = max(down, _stand_square(plan, eases, LEAD))
     else:
         stands = max(down, _stand_square(plan, start + 0.15, REAR))
     if kind in _WALKS:
@@ -172,7 +167,7 @@ def write_rest(plan: Choreographer, kind: str, moves: bool) -> Score:
     plan.plant(REAR, back, returned, prints[REAR], plan.about(0.045, 0.1), GUARD_SWING)
     plan.twist_foot(LEAD, back + 0.1, returned + 0.1, float(prints[LEAD, 2] - plan.prints[LEAD, 2]))
     end = up + plan.about(_RAISES, 0.05)
-    _stand_easy(plan, start, down, eased, up, end)
+    _stand_easy(plan, (start, down), (eases, eased), (up, end))
     last = _step_about(plan, end, end + _AFTER) + 0.3 if moves else end + _AFTER
     plan.score.rests.append(Rest(kind, start, eased, up, end))
     return plan.finish(last)
@@ -202,10 +197,10 @@ def _stand_square(plan: Choreographer, start: float, foot: int) -> float:
 
 
 def _back_off(plan: Choreographer, start: float, steps: int) -> float:
-    """Shuffle back by some steps and bring the lead foot back to the rear one; return when both stand [s]."""
+    """Shuffle back by some steps; return when the last foot is down [s]."""
     for _ in range(steps):
-        start = plan.move(start, -plan.about(0.38, 0.05), 0.0, tempo=0.8, quick=True)
-    return _stand_square(plan, start, LEAD)
+        start = plan.move(start, -plan.about(0.37, 0.05), 0.0, tempo=0.65, quick=True)
+    return start
 
 
 def _walk_off(plan: Choreographer, start: float, side: float) -> float:
