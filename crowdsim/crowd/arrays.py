@@ -85,7 +85,7 @@ class Model(NamedTuple):
             (0, 9, 3) where there are no obstacles, float32.
         extents: How far from the position these are at most, and the room that they need [m]. Shape (L,), float32.
         rests: Pieces of standing at ease, and parts of walks. Shape (n,), ``REST``.
-        walks: The walks. Shape (n,), ``WALK``.
+        walks: The walks, and the ways into rests that lead away. Shape (n,), ``WALK``.
         walk_points: Points of each walk about half a metre apart to its end, seen from where it begins; the last one
             fills the places that a walk does not need. Shape (n, most points, 2), float64.
         ways_to_rest: How each state leads to a rest. Shape (S,), or (0,) where no policy has rests, ``REST_ENTRY``.

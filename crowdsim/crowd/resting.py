@@ -10,6 +10,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.crowd.kernels.resting import NO_WAY
 from crowdsim.motion import ground
+from crowdsim.policy.rests import AWAY
 
 if TYPE_CHECKING:
     from crowdsim.policy.actions import Actions
@@ -26,8 +27,8 @@ def rest_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> tuple[Arr
     """
     rows = [np.zeros((0, 5), np.int64)]
     if all(policy.rests is None for policy in policies):
-        return rows[0].astype(np.int32), np.zeros((0, 3), np.int32)
-    ways = np.tile([-1, 0, NO_WAY], (int(starts["state"][-1]), 1))
+        return rows[0].astype(np.int32), np.zeros((0, 4), np.int32)
+    ways = np.tile([-1, 0, NO_WAY, -1], (int(starts["state"][-1]), 1))
     walked = 0
     for number, policy in enumerate(policies):
         rests = policy.rests
@@ -35,15 +36,16 @@ def rest_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> tuple[Arr
             continue
         action, state, before = int(starts["action"][number]), int(starts["state"][number]), sum(map(len, rows))
         ways[state + rests.state, 0], ways[state + rests.state, 1] = action + rests.enter, before + rests.row
-        until = actions_until(policy.actions, rests.state)
+        away, walks = leads_away(policy.actions, rests), rests.walks
+        until = actions_until(policy.actions, rests.state[~away])
         ways[state : state + len(until), 2] = until
-        walks = rests.walks
+        ways[state + rests.state[away], 3] = walked + len(walks.take) + np.arange(np.count_nonzero(away))
         pieces = np.arange(len(rests.hold) + len(walks.hold))
         first, last = (walked + np.searchsorted(walks.piece, pieces, side) for side in ("left", "right"))
         hold, following = np.concatenate([rests.hold, walks.hold]), np.concatenate([rests.next, walks.next])
         leave = np.concatenate([action + rests.leave, np.full(len(walks.hold), -1)])
         rows.append(np.column_stack([action + hold, leave, before + following, first, last]).astype(np.int64))
-        walked += len(walks.take)
+        walked += len(walks.take) + np.count_nonzero(away)
     return np.concatenate(rows).astype(np.int32), ways.astype(np.int32)
 
 
@@ -51,8 +53,15 @@ SPACING = 0.5
 """About how far apart the points of a walk are [m]."""
 
 
+def leads_away(actions: Actions, rests: Rests) -> Array:
+    """Return which of the ways into rests lead away from where they begin. Shape (E,), bool."""
+    return np.asarray(np.hypot(*actions.displacements[rests.enter, :2].T.astype(float)) > AWAY)
+
+
 def walk_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> tuple[Array, Array]:
     """Return the walks of all policies, and their points, see ``Model``. Shapes (n, 3) and (n, most points, 2).
+
+    Behind those of each policy are its ways into rests that lead away.
 
     Args:
         policies: The policies.
@@ -65,7 +74,9 @@ def walk_rows(policies: Sequence[Policy], starts: dict[str, Array]) -> tuple[Arr
         rests = policy.rests
         if rests is None:
             continue
-        for take, row in zip(rests.walks.take, rests.walks.row, strict=True):
+        away = leads_away(policy.actions, rests)
+        takes = np.concatenate([rests.walks.take, rests.enter[away]])
+        for take, row in zip(takes, np.concatenate([rests.walks.row, rests.row[away]]), strict=True):
             path = _path(policy.actions, rests, int(take), int(row))
             far = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
             marks = np.linspace(0.0, far[-1], max(1, round(float(far[-1]) / SPACING)) + 1)[1:]

@@ -62,9 +62,12 @@ _NECK = part(0.0, 0.30, 0.32, 0.7, HEAD_BEND=0.32)
 _HANDS = (Channel.LEAD_HAND_X, Channel.REAR_HAND_X)
 
 
-def _stand_easy(plan: Choreographer, start: float, down: float, up: float, end: float) -> None:
-    """Bring the whole body to ease from ``start`` to ``down``, and back from ``up`` to ``end`` [s]."""
-    plan.play(_EASE, (start, down, up, end), spread=0.05)
+def _stand_easy(
+    plan: Choreographer, lowers: tuple[float, float], eases: tuple[float, float], raises: tuple[float, float]
+) -> None:
+    """Bring the hands from the guard to hang, all else to ease, and all back: each from one time to another [s]."""
+    (start, down), (up, end) = lowers, raises
+    plan.play(_EASE, (*eases, up, end), spread=0.05)
     for side, fist in enumerate(plan.style.fists):
         out, high, ahead = _HANGING
         late = float(plan.rng.uniform(0.0, 0.08))
@@ -126,10 +129,14 @@ _IDLE: dict[str, Callable[[Choreographer, float, float], None]] = {
     "hands_on_knees": _stoop,
 }
 _WALKS = {"walk_off_left": 1.0, "walk_off_right": -1.0}
-AT_EASE = tuple(_IDLE)
+_BACKS = {"step_back": 1, "back_off": 2, "back_away": 4}
+"""Steps back from an opponent, in which the guard is lowered."""
+ON_THE_SPOT = tuple(_IDLE)
 """Kinds of rests on the spot."""
+AT_EASE = (*ON_THE_SPOT, *_BACKS)
+"""Kinds of rests into which no walk leads."""
 RESTS = (*AT_EASE, *_WALKS)
-"""Kinds of rests: on the spot, and walking off by a turn to either side."""
+"""Kinds of rests: on the spot, stepping back while the guard is lowered, and walking off by a turn to either side."""
 
 
 def write_rest(plan: Choreographer, kind: str, moves: bool) -> Score:
@@ -142,12 +149,17 @@ def write_rest(plan: Choreographer, kind: str, moves: bool) -> Score:
     start += float(rng.uniform(0.0, 0.15))
     down = start + plan.about(_LOWERS, 0.06)
     prints = plan.prints.copy()
-    stands = max(down, _stand_square(plan, start + 0.15))
+    eases, eased = start, down
+    if kind in _BACKS:
+        eases = _back_off(plan, start + 0.1, _BACKS[kind])
+        eased = stands = max(down, _stand_square(plan, eases, LEAD))
+    else:
+        stands = max(down, _stand_square(plan, start + 0.15, REAR))
     if kind in _WALKS:
         stands = _walk_off(plan, stands + float(rng.uniform(1.2, 1.5)), _WALKS[kind])
     up = stands + float(rng.uniform(4.6, 5.6))
     _IDLE.get(kind, _shift_weight)(plan, stands + 0.2, up - 0.3)
-    if kind in _WALKS:
+    if kind not in ON_THE_SPOT:
         # The guard keeps the lead foot where it is, and looks where the body does.
         plan.ground_frame = stance_on(plan, plan.style, LEAD, float(plan.ground_frame[2]))
         prints = stance_prints(plan.style, plan.ground_frame)
@@ -155,9 +167,9 @@ def write_rest(plan: Choreographer, kind: str, moves: bool) -> Score:
     plan.plant(REAR, back, returned, prints[REAR], plan.about(0.045, 0.1), GUARD_SWING)
     plan.twist_foot(LEAD, back + 0.1, returned + 0.1, float(prints[LEAD, 2] - plan.prints[LEAD, 2]))
     end = up + plan.about(_RAISES, 0.05)
-    _stand_easy(plan, start, down, up, end)
+    _stand_easy(plan, (start, down), (eases, eased), (up, end))
     last = _step_about(plan, end, end + _AFTER) + 0.3 if moves else end + _AFTER
-    plan.score.rests.append(Rest(kind, start, down, up, end))
+    plan.score.rests.append(Rest(kind, start, eased, up, end))
     return plan.finish(last)
 
 
@@ -171,16 +183,24 @@ def _step_about(plan: Choreographer, begin: float, until: float) -> float:
     return end
 
 
-def _stand_square(plan: Choreographer, start: float) -> float:
-    """Step up beside the lead foot with the rear one; return when both stand side by side [s]."""
-    lead = plan.prints[LEAD]
+def _stand_square(plan: Choreographer, start: float, foot: int) -> float:
+    """Step beside the other foot with one; return when both stand side by side [s]."""
+    other, side = 1 - foot, _HALF_WIDTH if foot == LEAD else -_HALF_WIDTH
+    x, z, yaw = plan.prints[other]
     heading = float(plan.ground_frame[2])
-    middle = ground.compose([lead[0], lead[1], heading], [-_HALF_WIDTH, 0.0, 0.0])
-    landing = ground.compose(middle, [-_HALF_WIDTH, float(plan.rng.uniform(-0.02, 0.02)), _TOE_OUT[REAR]])
+    middle = ground.compose([x, z, heading], [side, 0.0, 0.0])
+    landing = ground.compose(middle, [side, float(plan.rng.uniform(-0.02, 0.02)), _TOE_OUT[foot]])
     end = start + plan.about(0.52, 0.06)
-    plan.plant(REAR, start, end, landing, plan.about(0.05, 0.1), GUARD_SWING)
-    plan.twist_foot(LEAD, end - 0.12, end + 0.3, heading + _TOE_OUT[LEAD] - float(lead[2]))
+    plan.plant(foot, start, end, landing, plan.about(0.05, 0.1), GUARD_SWING)
+    plan.twist_foot(other, end - 0.12, end + 0.3, heading + _TOE_OUT[other] - float(yaw))
     return end + 0.3
+
+
+def _back_off(plan: Choreographer, start: float, steps: int) -> float:
+    """Shuffle back by some steps; return when the last foot is down [s]."""
+    for _ in range(steps):
+        start = plan.move(start, -plan.about(0.37, 0.05), 0.0, tempo=0.65, quick=True)
+    return start
 
 
 def _walk_off(plan: Choreographer, start: float, side: float) -> float:

@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 
 ENTRIES = 256
 """Most states from which rests are entered; those of the cheapest transitions."""
+AWAY = 0.4
+"""Way from which on a body that comes to rest goes away from where it was [m]."""
+_LATE = 0.4
+"""How long before it begins to go it may be entered [s]."""
 _EARLY, _LONG = 0.25, 0.5
 """Share of the time at ease in which repetition begins, and least share that is repeated."""
 _ALIKE = 0.5
@@ -207,23 +211,45 @@ def _entries(
     """Return states from which rests are entered, the frame each is like, its rest, and what that costs [m].
 
     These are the least visible ones (``actions.stillness``), and none costs more than ``limit``. Rests to which a walk
-    leads are not entered otherwise.
+    leads are not entered otherwise. Those that step back are entered from states of their own, from one for each of
+    the last frames before them: an avatar in a pose like theirs enters one by how far it leads.
     """
     states, contacts = features[graph.state_frames], database.contacts[:: database.stride]
     best, costs = np.full((2, graph.state_count), np.inf)
     frames, rests = np.zeros((2, graph.state_count), np.int64)
+    backs = []
+
+    def price(frame: int) -> tuple[Array, Array]:
+        cost = np.linalg.norm(states - features[frame], axis=1)
+        cost[np.any(contacts[graph.state_frames] != contacts[frame], axis=1) | (cost > limit)] = np.inf
+        return cost, cost * stillness(graph.state_frames, np.array(frame))
+
     for number, row in enumerate(database.rests.frames.astype(int)):
         if database.rests.walked[number]:
             continue
+        if _leads_away(database, row):
+            first = max(row[FIRST] + 1, row[START] - round(_LATE * database.control_rate))
+            backs += [(number, frame) for frame in range(first, row[START] + 1)]
+            continue
         for frame in range(row[FIRST] + 1, row[START] + 1):
-            cost = np.linalg.norm(states - features[frame], axis=1)
-            cost[np.any(contacts[graph.state_frames] != contacts[frame], axis=1) | (cost > limit)] = np.inf
-            seen = cost * stillness(graph.state_frames, np.array(frame))
+            cost, seen = price(frame)
             better = seen < best
             best[better], costs[better], frames[better], rests[better] = seen[better], cost[better], frame, number
     most = np.sort(best)[min(ENTRIES, len(best)) - 1]
-    chosen = np.flatnonzero((best <= most) & np.isfinite(best))
-    return chosen, frames[chosen], rests[chosen], costs[chosen].astype(np.float32)
+    chosen = (best <= most) & np.isfinite(best)
+    for number, frame in backs:
+        cost, seen = price(frame)
+        state = int(np.argmin(np.where(chosen, np.inf, seen)))
+        if np.isfinite(seen[state]) and not chosen[state]:
+            chosen[state], costs[state], frames[state], rests[state] = True, cost[state], frame, number
+    found = np.flatnonzero(chosen)
+    return found, frames[found], rests[found], costs[found].astype(np.float32)
+
+
+def _leads_away(database: MotionDatabase, row: Array) -> bool:
+    """Return whether a body goes away from where it stood in the guard before it is at ease."""
+    start, down = database.ground[row[[START, DOWN]] * database.stride, :2].astype(float)
+    return float(np.hypot(*(down - start))) > AWAY
 
 
 def _ways_back(

@@ -15,7 +15,7 @@ from crowdsim.crowd.kernels.layout import BLOCKED
 from crowdsim.crowd.record import TakeData
 from crowdsim.poses.kernels.fists import LEAN
 
-BEFORE, AFTER = 0.16, 0.22
+SPANS = (0.16, 0.22)
 """Time before and after a strike over which the limb leaves its captured path [s]."""
 TOGETHER = 0.07
 """Strikes of a limb that are no further apart are one: a transition shortly after a strike showed it again [s]."""
@@ -33,8 +33,8 @@ class Landed:
         limbs: Numbers of ``strikers.LIMBS``. Shape (E,).
         points: Where the fist or foot was [m]. Shape (E, 3).
         speeds: Shape (E,) [m/s].
-        spans: How long before and after it the limb is on its way, no longer than to its strikes before and after
-            [s]. Shape (E, 2).
+        spans: How long before and after it the limb may be on its way: to its strikes before and after, and no
+            longer than ``LEAN`` [s]. Shape (E, 2).
         again: Whether it is one with the limb's strike before. Shape (E,).
         missed: Whether it neither landed nor was blocked. Shape (E,).
         blocked: Whether a forearm or glove of the victim stopped it. Shape (E,).
@@ -100,7 +100,7 @@ def find_landed(take: TakeData, buried: Array | None = None) -> Landed:
     ends = [np.inf] if len(order) else []
     spans = np.stack([np.concatenate([ends, gaps]), np.concatenate([gaps, ends])], axis=1)
     again = spans[:, 0] <= TOGETHER
-    spans = np.minimum(spans, (BEFORE, AFTER))
+    spans = np.minimum(spans, LEAN)
     later = np.lexsort((order, times[order]))
     order, spans, again = order[later], spans[later], again[later]
     chosen = landed[order]

@@ -13,9 +13,21 @@ from crowdsim.crowd.kernels.intents import FIGHTING, PATIENT, RAISES, STEPS_BACK
 from crowdsim.crowd.kernels.kd_tree import everyone
 from crowdsim.crowd.kernels.knock_downs import empty_room, knock_down
 from crowdsim.crowd.kernels.records import STRIKE
-from crowdsim.crowd.kernels.resting import ALIKE, LASTING, NEARER_BY, NO_WAY, nearest_rest
+from crowdsim.crowd.kernels.resting import (
+    ALIKE,
+    BEYOND,
+    FACING,
+    LACKING,
+    LASTING,
+    NO_WAY,
+    SHORT,
+    TURNED,
+    nearest_rest,
+    own_share,
+)
+from crowdsim.crowd.kernels.walking import WALLS, is_free
 from crowdsim.crowd.model import build_model, entry_actions
-from crowdsim.crowd.resting import actions_until, rest_rows
+from crowdsim.crowd.resting import actions_until, leads_away, rest_rows
 from crowdsim.crowd.script import Change
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.triggers import AtFrame
@@ -61,7 +73,7 @@ def test_rows_of_rests_are_those_of_each_policy(count):
             assert (own["until"] == NO_WAY).all()
             continue
         np.testing.assert_array_equal(own["enter"][rests.state], first + rests.enter)
-        for entry, row, _ in own[rests.state].tolist():
+        for entry, row, *_ in own[rests.state].tolist():
             assert entry - first in rests.enter
             assert model.rests["hold"][row] - first in rests.hold
             assert model.rests["leave"][row] - first in rests.leave
@@ -74,15 +86,16 @@ def test_rows_of_rests_are_those_of_each_policy(count):
 def test_policies_without_rests_have_no_rows():
     rows, ways = rest_rows([restless_policy()], {"state": np.zeros(2), "action": np.zeros(2)})
     assert rows.shape == (0, 5)
-    assert ways.shape == (0, 3)
+    assert ways.shape == (0, 4)
 
 
 def test_actions_until_a_rest_match_a_search_state_by_state():
     policy = resting_policy()
-    found = actions_until(policy.actions, policy.rests.state)
+    on_the_spot = policy.rests.state[~leads_away(policy.actions, policy.rests)]
+    found = actions_until(policy.actions, on_the_spot)
     for state in range(0, policy.graph.state_count, 7):
         reached, far = {state}, 0
-        while not reached & set(policy.rests.state.tolist()):
+        while not reached & set(on_the_spot.tolist()):
             actions = np.concatenate([np.arange(*policy.actions.offsets[[s, s + 1]]) for s in sorted(reached)])
             reached, far = reached | set(policy.actions.next[actions].tolist()), far + 1
         assert found[state] == far
@@ -144,21 +157,67 @@ def test_an_avatar_rests_at_its_distance_and_later_is_content_with_less():
     assert seen_before_rest(2.4, ahead + 0.9, late)[0] == layout.RESTS
 
 
-def test_an_event_lets_avatars_rest_from_the_state_that_is_most_like_a_rest():
-    policy, one = resting_policy(), Simulation(replace(people(), policies=[resting_policy()]))
+@pytest.mark.parametrize("content", [True, False])
+@pytest.mark.parametrize("spacing", [0.9, 2.2, 3.4])
+def test_an_event_lets_avatars_rest_from_the_state_that_is_most_like_a_rest(spacing, content):
+    policy = resting_policy()
+    one = Simulation(replace(people(spacing=spacing), policies=[policy]))
     one.run(40)
+    one.avatars.conditions["mode"], one.avatars.conditions["keeps"] = layout.RESTS, 3.0
+    one.avatars.conditions["does_next"] = layout.RESTS if content else layout.WATCHES
     model, ways = one.model, one.model.ways_to_rest
     points = np.concatenate([model.bodies, model.arms], axis=1).astype(float)
-    entries = np.flatnonzero(ways["enter"] >= 0)
+    entries, avatars = np.flatnonzero(ways["enter"] >= 0), one.avatars
+    enter, walks = ways["enter"][entries], ways["walk"][entries]
     for own in range(one.present):
-        action = model.actions[one.avatars.motion["action"][own]]
-        left = action["origin"] + action["length"] * policy.database.stride
-        begins = model.actions["origin"][ways["enter"][entries]]
-        costs = ((points[left] - points[begins]) ** 2).sum(axis=(1, 2))
-        costs += LASTING * model.actions["length"][ways["enter"][entries]]
-        costs += NEARER_BY * np.maximum(model.moves["z"][ways["enter"][entries]], 0.0)
-        found = nearest_rest(model, one.avatars, own)
-        assert found == (entries[np.argmin(costs)] if costs.min() < ALIKE else -1)
+        other = 1 - own
+        avatars.fight["next_opponent"][own] = avatars.number[other]
+        left = model.actions[avatars.motion["action"][own]]
+        left = left["origin"] + left["length"] * policy.database.stride
+        gaps = ((points[left] - points[model.actions["origin"][enter]]) ** 2).sum(axis=(1, 2))
+        moves, heading = model.moves[enter], avatars.heading[own]
+        x = avatars.x[own] + moves["x"] * np.cos(heading) + moves["z"] * np.sin(heading)
+        z = avatars.z[own] + moves["z"] * np.cos(heading) - moves["x"] * np.sin(heading)
+        turned = heading + np.arctan2(moves["sin"], moves["cos"])
+        dx, dz = avatars.motion["end_x"][other] - x, avatars.motion["end_z"][other] - z
+        far = np.hypot(dx, dz)
+        ahead, wanted = (dx * np.sin(turned) + dz * np.cos(turned)) / far, own_share(avatars, one._world, own, other)
+        costs = gaps + LASTING * model.actions["length"][enter] + TURNED * (1.0 - ahead)
+        costs += np.where(far < wanted, LACKING * (wanted - far), BEYOND * (far - wanted))
+        free = np.array([w < 0 or is_free(model, avatars, one._world, one._now, own, w) for w in walks])
+        fits = (gaps < ALIKE) & free & (content | ((far >= wanted - SHORT) & (ahead >= FACING)))
+        found = nearest_rest(model, avatars, one._world, one._now, own)
+        assert found == (entries[np.argmin(np.where(fits, costs, np.inf))] if fits.any() else -1)
+
+
+def share_of(apart, half=0.0, other=layout.RESTS, does=layout.FIGHTS):
+    """How far an avatar goes from one at the origin that is to rest 3 m from it, in a square arena or in none."""
+    crowd = build_crowd([apart, 0.0], [0.0, 0.0], [0.0, 0.0], conditioned=True, rules=0.0 * RULES)
+    arena = (layout.RECTANGLE, 0.0, 0.0, half, half) if half else crowd.arena
+    one = Simulation(replace(crowd, policies=[resting_policy()], arena=arena))
+    row = one.avatars.conditions[1]
+    row["mode"], row["does"], one.avatars.conditions["keeps"] = other, does, 3.0
+    return own_share(one.avatars, one._world, one.avatars.slot_of[0], one.avatars.slot_of[1])
+
+
+def test_two_that_are_to_rest_go_half_the_way_each_unless_one_stays_or_has_no_room():
+    assert share_of(1.0) == pytest.approx(2.0)
+    assert share_of(1.0, other=layout.FIGHTS) == pytest.approx(3.0)
+    assert share_of(1.0, does=layout.RESTS) == pytest.approx(3.0)
+    assert share_of(3.2) == pytest.approx(3.0)
+    assert share_of(1.0, half=1.0 + WALLS + 0.1) == pytest.approx(2.0)
+    assert share_of(1.0, half=1.0 + WALLS - 0.1) == pytest.approx(3.0)
+
+
+def test_avatars_step_back_at_once_and_have_dropped_their_guard_within_three_seconds():
+    one = Simulation(replace(people(), policies=[resting_policy()], **modes(2, (60, layout.RESTS), distance=3.0)))
+    chunk = one.run(60 + 45 + 60)
+    rests = resting_policy().rests
+    away = rests.enter[leads_away(resting_policy().actions, rests)]
+    assert np.isin(chunk.action, away).any(axis=0).all()
+    apart = np.hypot(chunk.x[105:, 0] - chunk.x[105:, 1], chunk.z[105:, 0] - chunk.z[105:, 1])
+    assert apart.min() > 2.5
+    assert (kinds(chunk.action[105:]) == HOLD).all()
 
 
 def test_nobody_strikes_at_one_that_raises_its_guard_again():

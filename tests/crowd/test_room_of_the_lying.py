@@ -39,6 +39,12 @@ def naive_cost(point: np.ndarray, axis: np.ndarray, cost: float) -> float:
     return float(max(cost * (1.0 - (np.linalg.norm(points - point, axis=1).min() / 0.75) ** 2), 0.0))
 
 
+def naive_from_ends(point: np.ndarray, axis: np.ndarray) -> float:
+    """How far along the axis a point is from both ends, by the nearer one; 0 beyond them."""
+    way = (axis[1] - axis[0]) / np.linalg.norm(axis[1] - axis[0])
+    return float(max(min((point - axis[0]) @ way, (axis[1] - point) @ way), 0.0))
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_what_it_costs_to_tread_on_a_body_matches_naive(seed: int) -> None:
     rng, model = np.random.default_rng(seed), with_falls()
@@ -64,7 +70,8 @@ def test_what_it_costs_to_tread_on_a_body_matches_naive(seed: int) -> None:
     for k, action in enumerate(actions):
         move = model.moves[action]
         end = turned(move["x"] * size, move["z"] * size, heading)
-        cost = max(naive_cost(end, axis, 3.0), naive_cost(0.5 * end, axis, 1.0))
+        inwards = 1.0 + collision_avoidance.ALONG * naive_from_ends(end, axis)
+        cost = max(naive_cost(end, axis, 3.0) * inwards, naive_cost(0.5 * end, axis, 1.0))
         cost += 2.0 * treads_on(model, avatars, own, action, 2)
         costs.append(max(cost, before[k]))
     np.testing.assert_allclose(work[3, : len(costs)], costs, atol=5e-3)

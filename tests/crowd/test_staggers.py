@@ -14,7 +14,7 @@ from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.layout import Observed
 from crowdsim.crowd.kernels.records import STRIKE, THROWN
 from crowdsim.crowd.kernels.resolve import note_hits
-from crowdsim.crowd.kernels.staggers import FURTHEST, HURT, NEIGHBOURS, PUSH, SEES, THROWS, list_thrown, stagger
+from crowdsim.crowd.kernels.staggers import FURTHEST, HURT, NEIGHBOURS, PUSH, SEES, SPOILS, THROWS, list_thrown, stagger
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
 
@@ -83,6 +83,23 @@ def test_a_hit_throws_by_the_square_of_its_strength(strength: float, push: float
     # An avatar that has just thrown a strike itself keeps its feet.
     one.avatars.motion["pending"][slot] = -1
     assert list_thrown(one.model, one.avatars, one._world, one._now._replace(frame=one.frame), strikes, 0, 1, out) == 0
+
+
+@pytest.mark.parametrize(("strength", "left", "thrown"), [(0.9, 5, 0), (1.1, 5, 1), (1.1, 40, 0)])
+def test_an_avatar_that_is_about_to_strike_is_thrown_by_less(strength: float, left: int, thrown: int) -> None:
+    one = brawl(4)
+    one.run(3)
+    slot = int(one.avatars.slot_of[1])
+    motion, fight = one.avatars.motion, one.avatars.fight
+    longest = int(np.argmax(one.model.actions["length"]))
+    motion["action"][slot], motion["phase"][slot], motion["pending"][slot] = longest, 0.0, left
+    strikes = np.zeros(1, STRIKE)
+    strikes["attacker"], strikes["victim"], strikes["outcome"] = 0, 1, layout.LANDED
+    fight["hit_by"][slot], fight["hit_frame"][slot] = 0, one.frame
+    fight["hit_x"][slot], fight["hit_z"][slot] = strength * SPOILS, 0.0
+    out = np.zeros(1, THROWN)
+    now = one._now._replace(frame=one.frame)
+    assert list_thrown(one.model, one.avatars, one._world, now, strikes, 0, 1, out) == thrown
 
 
 def test_harder_blows_lead_to_longer_staggers() -> None:

@@ -10,7 +10,7 @@ from crowdsim.motion.body import build_body
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.skeleton import Clip
 from crowdsim.performer import skeleton as bones
-from crowdsim.performer.rests import AT_EASE, RESTS
+from crowdsim.performer.rests import AT_EASE, ON_THE_SPOT, RESTS
 from crowdsim.performer.session import Performance, perform, perform_solo
 
 FPS = 60.0
@@ -67,21 +67,27 @@ def test_rests_neither_slide_nor_jump_nor_sink(kind: str, seed: int) -> None:
 
 
 @pytest.mark.parametrize(("kind", "seed"), TAKES)
-def test_bodies_at_ease_stay_where_they_are_and_those_that_walk_off_turn_and_go(kind: str, seed: int) -> None:
+def test_bodies_at_ease_stay_where_they_are_and_others_go_back_or_turn_and_walk_off(kind: str, seed: int) -> None:
     performance = performed(kind, seed)
     (rest,) = performance.truth.rests
     before, after = performance.truth.stance[[rest.start, rest.end]]
     far, turn = np.hypot(*(after - before)[:2]), abs(after[2] - before[2])
-    if kind in AT_EASE:
+    hips = posed(kind, seed)[0][:, bones.HIPS][:, [0, 2]]
+    if kind in ON_THE_SPOT:
         assert far < 0.1
         assert turn < 0.05
+    elif kind in AT_EASE:
+        steps = {"step_back": 0.6, "back_off": 1.0, "back_away": 1.8}[kind]
+        ahead = [np.sin(before[2]), np.cos(before[2])]
+        assert -(hips[rest.down] - hips[rest.start]) @ ahead == pytest.approx(steps, abs=0.2)
+        assert turn < 0.05
+        assert np.ptp(hips[rest.down : rest.up], axis=0).max() < 0.15
     else:
         assert 2.5 < far < 6.0
         assert np.pi / 2 < turn < np.pi
         # He stands at ease before he goes, and then again.
         (walk,) = [travel for travel in performance.truth.travels if travel.gait == "stroll"]
         assert rest.down + FPS < walk.start < walk.end < rest.up - 4.0 * FPS
-        hips = posed(kind, seed)[0][:, bones.HIPS][:, [0, 2]]
         for first, last in ((rest.down, walk.start - 10), (walk.end + 20, rest.up)):
             assert np.ptp(hips[first:last], axis=0).max() < 0.15
 

@@ -8,6 +8,7 @@ from resting import recipe, resting_policy, restless_policy
 
 from crowdsim.errors import PolicyError
 from crowdsim.graph.features import frame_features
+from crowdsim.performer.rests import AT_EASE
 from crowdsim.policy.bundle import load_policy, write_arrays, write_bundle
 from crowdsim.policy.flattening import flatten_policy
 from crowdsim.policy.rests import Rests
@@ -105,7 +106,7 @@ def test_a_recipe_that_asks_for_rests_in_vain_warns() -> None:
     assert restless_policy().rests is None
     (warning,) = [line for line in restless_policy().statistics["warnings"] if line.startswith("no rests")]
     assert "stands at ease" in warning
-    assert resting_policy().statistics["rests"]["count"] == 10
+    assert resting_policy().statistics["rests"]["count"] == 2 * len(AT_EASE)
 
 
 def test_bundles_keep_rests(tmp_path: Path) -> None:

@@ -210,9 +210,10 @@ WALK = np.dtype([*_fields(_F8, "reach"), *_fields(_I4, "action", "row")])
 """A walk: how far it leads at most [m], the action that shows its first part, and the row of ``Model.rests`` in the
 pose of whose end that ends."""
 
-REST_ENTRY = np.dtype(_fields(_I4, "enter", "row", "until"))
+REST_ENTRY = np.dtype(_fields(_I4, "enter", "row", "until", "walk"))
 """How a state leads to a rest: the action that leads there, or -1; the row of ``Model.rests`` in the pose of whose end
-that ends; and how many actions lead to a state that has one (``resting.NO_WAY``: none do)."""
+that ends; how many actions lead to a state that has one on the spot (``resting.NO_WAY``: none do); and the row of
+``Model.walks`` that shows where the action leads, or -1 where the avatar stays on the spot."""
 
 SITUATION = np.dtype(_fields(_F8, "x", "y", "z", "vx", "vz", "heading", "impact", "lasts"))
 """A target as an avatar sees it, for a body of scale 1: the fields of ``policy.axes.axis.Target``."""

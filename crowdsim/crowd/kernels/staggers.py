@@ -13,6 +13,7 @@ from crowdsim.crowd.kernels.travelling import travels
 from crowdsim.jit import kernel
 
 THROWS, PUSH, FURTHEST = 1.3, 0.24, 0.9  # strength from which on a hit throws, how far by its square, and at most [m]
+SPOILS, SOON = 0.85, 12.0  # strength that throws one about to strike, and how soon that one does [control frames]
 HURT = 0.5  # how far one throws an avatar at the least that is hurt so much that it staggers [m]
 AGAIN = 6.0  # for how long a further hit throws no avatar that staggers already [control frames]
 SEES, NEIGHBOURS = 3.0, 96  # how far away those are that may be in the way [m], and how many of them count
@@ -22,7 +23,8 @@ SEES, NEIGHBOURS = 3.0, 96  # how far away those are that may be in the way [m],
 def list_thrown(model, avatars, world, now, strikes, first, last, out):
     """List in ``out`` (``THROWN``) whom strikes ``first`` to ``last`` throw off their feet; return how many they are.
 
-    The hardest hit of a frame counts. An avatar that has thrown a strike itself since the frame before keeps its feet.
+    The hardest hit of a frame counts. An avatar that has thrown a strike itself since the frame before keeps its feet;
+    one that is about to throw one is thrown by less, and does not.
     """
     held = 0
     if model.falls.shape[0] == 0:
@@ -35,7 +37,7 @@ def list_thrown(model, avatars, world, now, strikes, first, last, out):
         j = avatars.slot_of[victim]
         if avatars.fight[j].hit_by != strikes[k].attacker or avatars.fight[j].hit_frame != now.frame:
             continue
-        push = _push(avatars, j) if world.crowding.back > 0.0 else 0.0
+        push = _push(model, avatars, j) if world.crowding.back > 0.0 else 0.0
         if hurts and avatars.conditions[victim].standing == STAGGERS:
             avatars.conditions[victim].standing = UP
             push = max(push, HURT)
@@ -94,10 +96,13 @@ def _keep_near(avatars, own, observed, q):
 
 
 @kernel(inline=True)
-def _push(avatars, j):
+def _push(model, avatars, j):
     """Return how far the last hit throws an avatar off its feet [m], 0 for not at all."""
     square = avatars.fight[j].hit_x ** 2 + avatars.fight[j].hit_z ** 2
-    return 0.0 if square < THROWS * THROWS else min(PUSH * square, FURTHEST)
+    motion = avatars.motion[j]
+    left = motion.pending - motion.phase
+    least = SPOILS if 0.0 <= left < min(SOON * motion.speed, model.actions[motion.action].length) else THROWS
+    return 0.0 if square < least * least else min(PUSH * square, FURTHEST)
 
 
 @kernel(inline=True)

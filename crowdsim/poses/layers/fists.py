@@ -11,7 +11,7 @@ from crowdsim.core.workers import share
 from crowdsim.crowd.record import TakeData
 from crowdsim.motion.strikes import HANDS
 from crowdsim.poses.contacts import PoseAt, body_points, find_surfaces, strikes_near, within
-from crowdsim.poses.hits import TOGETHER, Landed, by_column
+from crowdsim.poses.hits import SPANS, TOGETHER, Landed, by_column
 from crowdsim.poses.kernels.fists import ELBOW_LEAST, JOINTS, LEAN, MOTION, Landings, carry_fists
 from crowdsim.poses.kernels.records import Posed
 from crowdsim.poses.layer import Layer, Part
@@ -21,6 +21,8 @@ from crowdsim.poses.trunk_assist import leaning_joints, plan_leans
 
 MOST = 0.45
 """Furthest that a fist is carried [m]."""
+SLOWER = 0.3
+"""How much longer a fist is on its way that is carried a metre further, before a strike and after it [s]."""
 
 
 class Fists(Layer):
@@ -105,7 +107,7 @@ def plan_landings(
         near.times,
         near.hands,
         shifts,
-        near.spans,
+        np.minimum(near.spans, SPANS + SLOWER * np.linalg.norm(shifts, axis=-1, keepdims=True)),
         fists + shifts,
         near.blocked,
         stops,

@@ -12,7 +12,7 @@ from crowdsim.core.workers import share
 from crowdsim.crowd.record import TakeData
 from crowdsim.motion.strikers import FEET
 from crowdsim.poses.contacts import PoseAt, body_points, find_surfaces, strikes_near, within
-from crowdsim.poses.hits import TOGETHER, Landed, by_column
+from crowdsim.poses.hits import SPANS, TOGETHER, Landed, by_column
 from crowdsim.poses.kernels.blending import BLEND
 from crowdsim.poses.kernels.columns import AFTER, BEFORE, BEGIN, END
 from crowdsim.poses.kernels.feet import KNEE_LEAST
@@ -87,7 +87,8 @@ def plan_kicks(
     # Absent avatars have no positions.
     shifts = np.where(np.isfinite(shifts), shifts, 0.0)
     moves = _plan_moves(limbs, shifts)
-    spans = np.minimum(near.spans, _in_the_air(near.times, columns[near.attackers], sides, window.foot_plants))
+    spans = np.minimum(near.spans, SPANS)
+    spans = np.minimum(spans, _in_the_air(near.times, columns[near.attackers], sides, window.foot_plants))
     order, starts = by_column(columns[near.attackers], len(window.avatars), near.times)
     values = (near.times, sides, shifts, np.maximum(spans, _LEAST), moves)
     return CarriedFeet(starts, *(value[order] for value in values))

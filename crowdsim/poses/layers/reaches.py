@@ -14,7 +14,7 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
 from crowdsim.motion.strikers import HANDS_AND_FEET, SIDES, Kind
 from crowdsim.poses.contacts import PoseAt, find_surfaces, strikes_near, within
-from crowdsim.poses.hits import TOGETHER, Landed, by_column
+from crowdsim.poses.hits import SPANS, TOGETHER, Landed, by_column
 from crowdsim.poses.kernels.fists import LEAN
 from crowdsim.poses.kernels.reaches import Reaches as Turns
 from crowdsim.poses.kernels.reaches import reach_out
@@ -127,7 +127,7 @@ def plan_reaches(
     # Absent avatars have no positions.
     vectors = np.where(np.isfinite(vectors), vectors, 0.0)
     order, starts = by_column(columns[near.attackers], count, near.times)
-    return Turns(starts, *(values[order] for values in (near.times, near.spans, joints, vectors)))
+    return Turns(starts, *(values[order] for values in (near.times, np.minimum(near.spans, SPANS), joints, vectors)))
 
 
 def chains_of(body: Body, limbs: Array) -> tuple[Array, Array]:

@@ -22,6 +22,7 @@ from crowdsim.places.kernels.distance import cell_at, may_be_near, part_gap, sta
 HALTED = 0.75  # where bodies meet while they halt, over where they do at the end of actions
 LYING, PASSING = 0.75, 0.5  # how far from the axis of a body on the floor others should end, and pass it [m]
 ON_BODY = 2.0  # what it costs to end there, over the cost of ending in a body that stands
+ALONG = 0.5  # how much more for a metre to the nearer of head and feet, where one gets off without stepping over it
 IN_PASSING, ON_APPROACH = 0.5, 0.15  # instead of that, for those whose opponent is far away, or not near
 STEPS_OVER = 0.05  # what it costs to be halfway there
 TREADS = 0.125  # what it costs to end with a sole at its surface
@@ -218,7 +219,7 @@ def _add_lying(model, avatars, own, near, m, ends):
     offset = model.offsets[state]
     for k in range(np.uint64(model.offsets[state + 1] - offset)):
         x, z = ends.x[k], ends.z[k]
-        at_end = body.end_cost * (1.0 - _share_of(near, m, x, z) ** 2)
+        at_end = body.end_cost * (1.0 - _share_of(near, m, x, z) ** 2) * (1.0 + ALONG * _from_ends(near, m, x, z))
         on_way = body.path_cost * (1.0 - _share_of(near, m, 0.5 * x, 0.5 * z) ** 2)
         cost = max(max(at_end, on_way), 0.0)
         cost += body.step_cost * treads_on(model, avatars, own, np.uint64(offset) + k, int(body.slot))
@@ -279,6 +280,15 @@ def _share_of(near, m, x, z):
     """Return how far a point is from the axis of a body on the floor, over the room that it has."""
     body = near[m]
     return from_axis(Axis(body.x, body.z, body.x + body.way_x, body.z + body.way_z), x, z) / body.room
+
+
+@kernel(inline=True)
+def _from_ends(near, m, x, z):
+    """Return how far along the axis of a body on the floor a point is from the nearer end of it [m], 0 beyond both."""
+    body = near[m]
+    length = max(math.sqrt(body.way_x * body.way_x + body.way_z * body.way_z), 1e-6)
+    along = ((x - body.x) * body.way_x + (z - body.z) * body.way_z) / length
+    return max(min(along, length - along), 0.0)
 
 
 @kernel(inline=True)
