@@ -124,7 +124,7 @@ def test_attempts_that_die_are_counted_and_their_cause_is_known(
 
 def test_a_job_is_plain_data() -> None:
     assert {field.split(":")[0] for field in Job.__annotations__} == {
-        "batch", "run", "session", "environment", "retries", "timeout", "command",
+        "batch", "run", "session", "environment", "retries", "timeout", "command", "device",
     }  # fmt: skip
 
 

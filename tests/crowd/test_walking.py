@@ -233,5 +233,5 @@ def test_walks_have_the_same_bytes_for_any_threads_and_after_a_resume():
 def test_no_avatar_enters_a_run_by_a_walk():
     model = build_model([resting_policy()] * 2)
     entries = entry_actions(model)
-    assert len(model.walks) == 2 * len(walks().take)
+    assert len(model.walks) == 2 * len(walks().take) + np.count_nonzero(model.ways_to_rest["walk"] >= 0)
     assert not np.isin(entries, model.walks["action"]).any()
