@@ -4,7 +4,8 @@
 
 Crowds are those of ``crowd_1m``, as dense as there, with everything that it asks for. Times are medians of frames, with
 the record in the memory of the machine; stages are timed in a run of their own, in which the GPU is waited for after
-each. Compiling is timed apart, and is 0 where kernels were kept. Without a GPU, exit code 2 says what is missing.
+each. Compiling is timed apart, and is 0 where kernels were kept. Without a GPU, a line says what is missing, with exit
+code 77.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import Any
 
 import numpy as np
 from _quick import command_line, small_policies
+from run_all import LACKING
 
 from crowdsim.core.workers import CORES
 from crowdsim.crowd.chunk import STAGES
@@ -104,7 +106,7 @@ def main() -> None:
         choose_device("cuda", max(counts))
     except CrowdsimError as error:
         print(error, file=sys.stderr)
-        sys.exit(error.exit_code)
+        sys.exit(LACKING)
     with ExitStack() as stack:
         if arguments.quick:
             stack.enter_context(small_policies())

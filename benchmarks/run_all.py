@@ -4,7 +4,8 @@
 
 Each benchmark's entry states the commit, the date, the kind of machine, the versions of the packages that figures
 depend on, and whether it was a quick run. Entries are merged into the document, and written after each benchmark, so
-one benchmark can be measured again alone. A benchmark that fails is reported and keeps its previous entry.
+one benchmark can be measured again alone. A benchmark that fails is reported and keeps its previous entry; so does one
+that this machine lacks something for, such as a GPU, which is no failure.
 
 With ``--quick`` every benchmark runs for seconds at tiny sizes: the figures only show that it runs. Nothing is written
 then unless ``--out`` is given, and a quick entry never replaces a full one. ``docs/make_tables.py`` makes the tables of
@@ -34,6 +35,8 @@ RESULTS = HERE / "results.json"
 FORMAT, VERSION = "crowdsim-benchmarks", 2
 SECONDS = 3600
 """Time that a benchmark may take [s]."""
+LACKING = 77
+"""Exit code of a benchmark that this machine lacks something for, after a line that says what."""
 MEASURED = ("benchmarks", "crowdsim", "policies", "pyproject.toml", "scenarios", ":!benchmarks/results.json")
 """What figures depend on in a checkout."""
 PACKAGES = ("numpy", "scipy", "numba", "open3d-cpu", "open3d", "zarr", "upc-pymotion", "pybvh", "bvhio", "polars",
@@ -48,7 +51,7 @@ def names() -> list[str]:
 
 
 def run(name: str, quick: bool = False) -> dict[str, Any]:
-    """Run one benchmark in a process of its own and return its results, or why it failed."""
+    """Run one benchmark in a process of its own and return its results, or why it failed or cannot be measured here."""
     started = time.perf_counter()
     try:
         done = subprocess.run(
@@ -62,7 +65,8 @@ def run(name: str, quick: bool = False) -> dict[str, Any]:
         return {"failed": f"not done in {SECONDS} s"}
     if done.returncode:
         lines = done.stderr.strip().splitlines()
-        return {"failed": lines[-1] if lines else f"exit code {done.returncode}"}
+        outcome = "not measured" if done.returncode == LACKING else "failed"
+        return {outcome: lines[-1] if lines else f"exit code {done.returncode}"}
     try:
         results = json.loads(done.stdout)
     except ValueError:
@@ -130,8 +134,10 @@ def versions() -> dict[str, str]:
     return found
 
 
-def measure(chosen: Sequence[str], quick: bool, done: Callable[[str, dict[str, Any]], None]) -> dict[str, str]:
-    """Run benchmarks one after another, pass on each entry as it comes, and return why benchmarks failed, by name."""
+def measure(
+    chosen: Sequence[str], quick: bool, done: Callable[[str, dict[str, Any]], None]
+) -> dict[str, dict[str, str]]:
+    """Run benchmarks one after another, pass on each entry as it comes; return why others have none."""
     known = {
         "commit": commit(),
         "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
@@ -139,16 +145,16 @@ def measure(chosen: Sequence[str], quick: bool, done: Callable[[str, dict[str, A
         "versions": versions(),
         "quick": quick,
     }
-    failed = {}
+    without: dict[str, dict[str, str]] = {"failed": {}, "not measured": {}}
     for name in chosen:
         print(f"{name} ...", file=sys.stderr, flush=True)
         outcome = run(name, quick)
-        if "failed" in outcome:
-            failed[name] = outcome["failed"]
-            print(f"{name} failed: {outcome['failed']}", file=sys.stderr, flush=True)
-        else:
+        if "results" in outcome:
             done(name, {**known, **outcome})
-    return failed
+        for kind in without.keys() & outcome.keys():
+            without[kind][name] = outcome[kind]
+            print(f"{name} {kind}: {outcome[kind]}", file=sys.stderr, flush=True)
+    return without
 
 
 def empty() -> dict[str, Any]:
@@ -186,14 +192,15 @@ def flat(results: Any, prefix: str = "") -> list[tuple[str, Any]]:
     return [(prefix, results)]
 
 
-def table(document: dict[str, Any], failed: dict[str, str]) -> str:
-    """The figures as a table."""
+def table(document: dict[str, Any], without: dict[str, dict[str, str]]) -> str:
+    """The figures as a table, and why benchmarks have none."""
     lines = ["| benchmark | figure | value |", "|---|---|---|"]
     for name, entry in document["benchmarks"].items():
         for key, value in flat(entry["results"]):
             if isinstance(value, int | float) and not isinstance(value, bool):
                 lines.append(f"| {name} | {key} | {value:.4g} |")
-    return "\n".join([*lines, *(f"| {name} | failed | {why} |" for name, why in failed.items())])
+    lines += [f"| {name} | {kind} | {why} |" for kind, reasons in without.items() for name, why in reasons.items()]
+    return "\n".join(lines)
 
 
 def main() -> None:
@@ -215,12 +222,14 @@ def main() -> None:
         if out is not None:
             write(out, merge(read(out), name, entry))
 
-    failed = measure(options.names or names(), options.quick, keep)
-    print(json.dumps({**measured, "failed": failed}, indent=2) if options.json else table(measured, failed))
+    without = measure(options.names or names(), options.quick, keep)
+    print(json.dumps({**measured, **without}, indent=2) if options.json else table(measured, without))
     if out is not None and measured["benchmarks"]:
         print(f"{out}: {len(measured['benchmarks'])} benchmarks written", file=sys.stderr)
-    if failed:
-        print(f"failed, previous figures kept: {', '.join(failed)}", file=sys.stderr)
+    for kind, reasons in without.items():
+        if reasons:
+            print(f"{kind}, previous figures kept: {', '.join(reasons)}", file=sys.stderr)
+    if without["failed"]:
         sys.exit(1)
 
 

@@ -279,6 +279,28 @@ def test_a_benchmark_that_fails_is_reported_and_keeps_its_previous_entry(
     assert path.read_text(encoding="utf-8") == before
 
 
+def test_a_benchmark_that_the_machine_lacks_something_for_is_no_failure(
+    run_all: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "results.json"
+    stand_in(run_all, monkeypatch, {"seconds": 1.0, "results": {"a": 1}}, path)
+    call(run_all, monkeypatch, "cuda")
+    before = path.read_text(encoding="utf-8")
+    stand_in(run_all, monkeypatch, {"not measured": "device cuda: no GPU"}, path)
+    call(run_all, monkeypatch)
+    report = capsys.readouterr()
+    assert "| cuda | not measured | device cuda: no GPU |" in report.out
+    assert "cuda not measured: device cuda: no GPU" in report.err
+    assert path.read_text(encoding="utf-8") == before
+
+
+def test_control_on_a_gpu_is_not_measured_where_there_is_none(run_all: ModuleType) -> None:
+    missing = missing_for_cuda()
+    if not missing:
+        pytest.skip("this machine has a GPU")
+    assert run_all.run("cuda", quick=True) == {"not measured": f"device cuda: {missing}"}
+
+
 def test_results_hold_neither_paths_nor_what_is_no_number(run_all: ModuleType) -> None:
     report = {"a": [float("nan"), 1.5], "b": {"folder": "/home/me/output/brawl_30", "name": "a/b"}}
     assert run_all.portable(report) == {"a": [None, 1.5], "b": {"folder": "brawl_30", "name": "a/b"}}
