@@ -245,7 +245,7 @@ def _capsules(one: _Given, folder: Path | None) -> Sequence[Any]:
     if isinstance(one, BoxAttachment):
         return _box_capsules(np.asarray(one.size, float))
     vertices, triangles = read_obj(Path(folder or ".") / one.file)
-    return [(rod[:3], rod[3:6], rod[6]) for rod in face_rods(one.scale * vertices[triangles])]
+    return [(rod[:3], rod[3:6], rod[6]) for rod in face_rods(one.scale * vertices[triangles])[0]]
 
 
 def _farthest(one: _Given, folder: Path | None) -> float:

@@ -91,12 +91,12 @@ class Cast:
     @cached_property
     def held(self) -> Array:
         """What avatars of each type carry as capsules: ``attachments``, and rods on ``faces``. Shape (n,), ``PROP``."""
-        rods = [
-            (face["type"], face["joint"], rod[:3], rod[3:6], rod[6], face["colour"], face["blocks"])
-            for face in self.faces
-            for rod in face_rods(face["corners"][None].astype(float))
-        ]
-        return np.concatenate([self.attachments, np.array(rods, PROP)])
+        found, of = face_rods(self.faces["corners"].astype(float))
+        rods = np.empty(len(of), PROP)
+        for name in ("type", "joint", "colour", "blocks"):
+            rods[name] = self.faces[name][of]
+        rods["start"], rods["end"], rods["radius"] = found[:, :3], found[:, 3:6], found[:, 6]
+        return np.concatenate([self.attachments, rods])
 
     def number(self, avatar: int | str) -> int:
         """Return the number of an avatar that is given by its number or its name, with or without its leading zeros.

@@ -65,21 +65,24 @@ def read_obj(path: Path) -> tuple[Array, Array]:
     return points, np.array(triangles, np.int64)
 
 
-def face_rods(triangles: Array) -> Array:
-    """Return rods that lie side by side on triangles, parallel to the longest edge: both ends and a radius [m]. (R, 7).
+def face_rods(triangles: Array) -> tuple[Array, Array]:
+    """Return rods that lie side by side on triangles, parallel to the longest edge, and the triangle that each is on.
 
     Args:
         triangles: Corners of each triangle [m]. Shape (T, 3, 3).
+
+    Returns:
+        Both ends and the radius of each rod [m]. Shape (R, 7). And the numbers of triangles. Shape (R,).
     """
-    rods = []
-    for corners in triangles:
-        edges = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
-        first = int(np.argmax(edges))
-        start, end, apex = corners[first], corners[(first + 1) % 3], corners[(first + 2) % 3]
-        longest = float(edges[first])
-        height = float(np.linalg.norm(np.cross(end - start, apex - start))) / max(longest, 1e-9)
-        count = int(np.clip(math.ceil(height / _APART), 1, _MOST_RODS))
-        radius = max(THINNEST, 0.55 * height / count)
-        for share in (np.arange(count) + 0.25) / count:
-            rods.append([*(start + share * (apex - start)), *(end + share * (apex - end)), radius])
-    return np.array(rods).reshape(-1, 7)
+    each = np.arange(len(triangles))
+    edges = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
+    first = edges.argmax(axis=1)
+    start, end, apex = (triangles[each, (first + corner) % 3] for corner in range(3))
+    heights = np.linalg.norm(np.cross(end - start, apex - start), axis=1) / np.maximum(edges[each, first], 1e-9)
+    counts = np.clip(np.ceil(heights / _APART), 1, _MOST_RODS).astype(int)
+    radii = np.maximum(THINNEST, 0.55 * heights / counts)
+    of = np.repeat(each, counts)
+    places = np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)
+    shares = ((places + 0.25) / counts[of])[:, None]
+    begins, ends = (side[of] + shares * (apex - side)[of] for side in (start, end))
+    return np.concatenate([begins, ends, radii[of, None]], axis=1), of

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from crowdsim.config.schema import join
-from crowdsim.errors import CrowdsimError, nearest
+from crowdsim.errors import CrowdsimError, TakeError, nearest
 from crowdsim.export.posed import FinishedTake, PosedOutput
 from crowdsim.export.select import parse_avatars
 from crowdsim.files import is_folder, move_plain, walk
@@ -98,6 +98,8 @@ def _options(kinds: Iterable[str]) -> str:
 
 def choose_report(take: Take, fps: float, frames: str | None, avatars: str | None, player: bool) -> ReportOutput:
     """Return a report that a user chooses, with or without the player; all else as of ``choose_outputs``."""
+    if not take.frame_count:
+        raise TakeError(f"take {take.scenario!r}: has no control frames, so that there is nothing to report")
     given: dict[str, Any] = {"fps": fps, "player": player, "avatars": parse_avatars(avatars, take.cast)}
     if frames is not None:
         given["frames"] = parse_frames(frames).resolve(take.output_frames(fps), fps)
@@ -166,7 +168,7 @@ def adopt_export(folder: Path, apart: Path, output: PosedOutput) -> None:
 def wanted_files(outputs: Sequence[Output], files: Set[str], made_from: Mapping[str, Any]) -> Wanted:
     """Return what a command writes: files of outputs, and what they are made from."""
     asked = {output.name: output.model_dump(mode="json", exclude_none=True) for output in outputs}
-    return Wanted(EXPORT, asked, files, made_from, list(asked))
+    return Wanted(EXPORT, asked, files, made_from, [one.name for one in outputs if isinstance(one, PosedOutput)])
 
 
 def take_mark(take: Take) -> str:

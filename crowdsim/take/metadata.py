@@ -108,7 +108,7 @@ class TakeAttributes(OpenModel):
     reactions: bool = True
     collision_avoidance: bool = True
     attachments: list[PropFacts] = Field(default_factory=list, max_length=1 << 20)
-    faces: list[FaceFacts] = Field(default_factory=list, max_length=1 << 20)
+    faces: list[FaceFacts] = Field(default_factory=list, max_length=1 << 18)
     type_colours: list[list[Annotated[float, Field(ge=0.0, le=1.0)] | None]]
 
     @model_validator(mode="after")

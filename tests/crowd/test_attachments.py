@@ -165,7 +165,8 @@ def test_an_obj_file_is_read_and_its_faces_are_covered_by_rods(tmp_path):
     (tmp_path / "bat.obj").write_text(TETRAHEDRON, encoding="utf-8")
     vertices, triangles = read_obj(tmp_path / "bat.obj")
     assert triangles.tolist() == [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]
-    rods = face_rods(vertices[triangles])
+    rods, faces = face_rods(vertices[triangles])
+    assert set(faces) == set(range(4))
     for corners in vertices[triangles]:
         for weights in ([0.98, 0.01, 0.01], [0.3, 0.3, 0.4], [0.1, 0.8, 0.1]):
             point = np.array(weights) @ corners
@@ -272,7 +273,7 @@ def test_runs_record_what_avatars_carry_and_show_it(runs, capsys):
     corners = np.unique(held.cast.faces["corners"].reshape(-1, 3).round(5), axis=0)
     expected = [[0.0, 0.2, -0.1], [0.0, 0.2, 0.0], [0.0, 0.3, 0.0], [0.1, 0.2, 0.0]]
     np.testing.assert_allclose(corners, expected, atol=1e-6)
-    assert len(held.cast.held) == len(props) + len(face_rods(held.cast.faces["corners"].astype(float)))
+    assert len(held.cast.held) == len(props) + len(face_rods(held.cast.faces["corners"].astype(float))[0])
     np.testing.assert_allclose(props["end"][0], [-0.07, 0.0, 0.6], atol=1e-6)
     for name in ("action", "x", "heading"):
         np.testing.assert_array_equal(getattr(bare, name)[:], getattr(held, name)[:])

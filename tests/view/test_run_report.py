@@ -16,10 +16,12 @@ from PIL import Image
 from scenes import crowdsim, write_scene
 
 import crowdsim as library
+from crowdsim.errors import TakeError
 from crowdsim.preparation.prepare import load_policies
 from crowdsim.render.look import Look
 from crowdsim.render.stage import build_stage
 from crowdsim.render.take_source import TakeSource
+from crowdsim.runs.exports import choose_report
 from crowdsim.runs.playing import Session
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.quality import measure_take
@@ -183,6 +185,20 @@ def test_a_run_writes_the_report_that_the_command_writes(workplace) -> None:
     assert (workplace / "other" / "report.html").read_bytes() == written
     assert embedded(player_of(written.decode()))[0]["names"] == ["red_0", "red_1", "blue_1"]
     assert crowdsim("verify", "run") == 0
+
+
+def test_a_report_leaves_pictures_in_a_folder_of_its_name(run) -> None:
+    assert crowdsim("render", run, "--png", "--frames", "0:1", "--size", "160x90", "--out", run / "report") == 0
+    pictures = sorted((run / "report").rglob("*.png"))
+    assert pictures
+    assert crowdsim("report", run, "--no-player") == 0
+    assert (run / "report.html").is_file()
+    assert sorted((run / "report").rglob("*.png")) == pictures
+
+
+def test_a_take_without_frames_has_no_report(run) -> None:
+    with pytest.raises(TakeError, match="'four': has no control frames"):
+        choose_report(replace(library.open_run(run), action=np.zeros((0, 4))), 30.0, None, None, False)
 
 
 def test_avatars_that_there_are_not_are_reported_where_the_scenario_names_them(workplace, capsys) -> None:
