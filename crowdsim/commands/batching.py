@@ -98,7 +98,7 @@ def batch(
     from crowdsim.batch.description import with_overrides
     from crowdsim.batch.running import plan_batch, run_batch
     from crowdsim.batch.workers import BatchOptions
-    from crowdsim.crowd.cuda.device import choose_device, gpu_count
+    from crowdsim.crowd.cuda.device import check_device, choose_device, gpu_count
 
     wanted = with_overrides(_read_batch(files, seeds, sweep or []), override or ())
     limit, most = _parse_time(timeout), None if memory is None else _parse_size(memory)
@@ -106,6 +106,7 @@ def batch(
         raise CrowdsimError("batch --scheduler: has workers of its own, expected neither --jobs nor --memory")
     if scheduler is not None and dashboard:
         raise CrowdsimError("batch --scheduler: has a dashboard of its own, expected no --dashboard")
+    check_device(device)
     if scheduler is None and (insecure or {ca_file, certificate, key} != {None}):
         raise CrowdsimError("batch: --insecure and certificates are for another scheduler, expected --scheduler")
     folder = out or Path("output") / wanted.name

@@ -32,8 +32,7 @@ def choose_device(wanted: str, avatars: int, search: str = "auto") -> str:
     Raises:
         DeviceError: It is unknown, or ``cuda`` and there is no GPU, or it cannot search like that.
     """
-    if wanted not in DEVICES:
-        raise DeviceError(f"device is {wanted!r}, expected one of {', '.join(DEVICES)}{nearest(wanted, DEVICES)}")
+    check_device(wanted)
     if wanted == "cpu" or (wanted == "auto" and (avatars < LARGE or search == "scipy")):
         return "cpu"
     missing = missing_for_cuda()
@@ -44,6 +43,16 @@ def choose_device(wanted: str, avatars: int, search: str = "auto") -> str:
     if search == "scipy":
         raise DeviceError("device cuda: cannot search by 'scipy', expected --search auto or kd_tree, or --device cpu")
     return "cuda"
+
+
+def check_device(wanted: str) -> None:
+    """Raise an error where a device is none of ``DEVICES``.
+
+    Raises:
+        DeviceError: It is unknown.
+    """
+    if wanted not in DEVICES:
+        raise DeviceError(f"device is {wanted!r}, expected one of {', '.join(DEVICES)}{nearest(wanted, DEVICES)}")
 
 
 def missing_for_cuda() -> str:
