@@ -239,8 +239,12 @@ class TakeMotion:
         """Return the triangles of meshes that avatars carry, those of a type, joint and colour together."""
         faces, found = self.take.cast.faces, []
         keys = np.concatenate([faces["type"][:, None], faces["joint"][:, None], faces["colour"]], axis=1)
-        for key in np.unique(keys, axis=0):
-            mesh = flat_mesh(faces["corners"][(keys == key).all(axis=1)])
+        kinds, own = np.unique(keys, axis=0, return_inverse=True)
+        own = own.reshape(-1)
+        for key, mine in zip(
+            kinds, np.split(np.argsort(own, kind="stable"), np.cumsum(np.bincount(own))), strict=False
+        ):
+            mesh = flat_mesh(faces["corners"][mine])
             found.append({
                 "type": int(key[0]),
                 "joint": int(key[1]),

@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import pytest
+from scenes import crowdsim
 
 from crowdsim.crowd.cuda import device
 from crowdsim.crowd.cuda.device import LARGE, DeviceError, choose_device, missing_for_cuda
@@ -36,6 +37,12 @@ def test_cuda_never_falls_back(monkeypatch):
 def test_an_unknown_device_is_named_with_the_choices():
     with pytest.raises(DeviceError, match=r"device is 'cude', expected one of cpu, cuda, auto \(did you mean 'cuda'\?"):
         choose_device("cude", 2)
+
+
+def test_a_batch_on_other_machines_names_an_unknown_device_first(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert crowdsim("batch", "duel", "--scheduler", "tcp://127.0.0.1:1", "--device", "cude") == 2
+    assert "device is 'cude', expected one of cpu, cuda, auto" in capsys.readouterr().err
 
 
 def test_a_missing_extra_is_named(monkeypatch):
