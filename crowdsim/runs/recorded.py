@@ -108,7 +108,7 @@ class RecordedRun(Take):
         """Write files of the run: the same bytes as those that its scenario or the command line asks for.
 
         Args:
-            kinds: ``bvh``, ``ply``, ``pcd``, ``csv`` or ``glb``, or several of them; PCD needs Open3D.
+            kinds: ``bvh``, ``ply``, ``pcd``, ``csv``, ``glb`` or ``clips``, or several of them; PCD needs Open3D.
             out: Folder for a folder of each kind; by default the run folder, where they replace those of their kind.
             avatars: Numbers or names, or text such as ``0-9``; all when None.
             frames: Output frames, half-open: text such as ``0:120`` or ``2s:5s``, or two numbers; all when None.
