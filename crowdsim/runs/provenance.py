@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
 
 _PACKAGES = ("numpy", "numba", "zarr", "numcodecs")
-_SOURCES = tuple("body core crowd export jit outputs policy poses preparation render runs scenario take".split())
+_SOURCES = (
+    "body", "core", "crowd", "export", "jit", "outputs", "places", "policy", "poses", "preparation", "render", "runs",
+    "scenario", "take", "view",
+)  # fmt: skip
 """Folders of the package whose code decides what a run writes, beside what its policies' fingerprints cover."""
 _DIFFERENCE_LINES = 40
 

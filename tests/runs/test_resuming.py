@@ -16,6 +16,7 @@ from crowdsim.runs import checkpoint, provenance, recording
 from crowdsim.runs.checkpoint import Checkpoint, Pace, frames_done, read_checkpoint, write_checkpoint
 from crowdsim.runs.manifest import read_manifest
 from crowdsim.take import store
+from crowdsim.training import fingerprint
 
 OUTPUTS = {
     "take": {"chunk": 8},
@@ -200,6 +201,13 @@ def test_a_changed_version_is_refused_with_the_difference(workplace: Path, monke
     assert result[0] == f"version of crowdsim: was {__version__}, is 9.9"
     assert re.fullmatch(r"version of sources: was \w{12}\.\.\., is other sources", result[1])
     assert crowdsim("run", "four.yaml", "--out", "run") == 0
+
+
+def test_all_code_that_decides_what_a_run_writes_is_in_its_checksum() -> None:
+    packages = {path.parent.name for path in Path(provenance.__file__).parents[1].glob("*/__init__.py")}
+    decided = {*provenance._SOURCES, *fingerprint.SOURCES}
+    assert packages - decided == {"batch", "commands", "config", "self_play"}
+    assert decided <= packages
 
 
 def test_outputs_go_on_behind_the_last_whole_file(workplace: Path, monkeypatch, capsys) -> None:
