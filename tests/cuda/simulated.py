@@ -100,6 +100,8 @@ CROWDS = {
     "entering": entering,
     "hurt": lambda: scattered(rules=RULES, conditioned=True),
     "falling": lambda: scattered(rules=RULES, conditioned=True),
+    "unhurt": lambda: scattered(20, 30),
+    "thrown": lambda: scattered(20, 30),
     "crowd_1m": lambda: shipped("crowd_1m", "groups[0].placement.radius=8", fraction=1e-4),
     "duel": lambda: shipped("duel"),
     "moving_target": lambda: shipped("moving_target"),
@@ -172,7 +174,7 @@ def main(names):
     found = {}
     for name in names:
         crowd = CROWDS[name]()
-        model = model_with_falls(crowd) if name == "falling" else simulation.crowd_model(crowd)
+        model = model_with_falls(crowd) if name in ("falling", "thrown") else simulation.crowd_model(crowd)
         pairs = [("cpu", "cpu"), ("cuda", "cuda"), ("cpu", "cuda"), ("cuda", "cpu")]
         model = with_names(model) if config.DISABLE_JIT else model
         found[name] = {", ".join(pair): digests(crowd, model, pair) for pair in pairs}

@@ -52,6 +52,12 @@ def test_so_it_is_in_crowds_of_every_kind():
 
 
 @pytest.mark.slow
+def test_so_it_is_where_hits_throw_avatars_off_their_feet_without_damage():
+    found = {name: compare(runs) for name, runs in simulate("unhurt", "thrown", NUMBA_DISABLE_JIT="1").items()}
+    assert found["thrown"]["digests"]["action"] != found["unhurt"]["digests"]["action"]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["crowded", "crowd_1m", "duel", "moving_target", "armies_200", "brawl_last_standing"])
 def test_so_it_is_with_compiled_kernels_and_in_shipped_scenarios(name):
     compare(simulate(name)[name])

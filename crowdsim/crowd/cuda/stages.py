@@ -87,6 +87,8 @@ class CudaStages:
         self._crowd, self._model, self._avatars, self._index = crowd, model, avatars, index
         self._on_processor = _OnProcessor(crowd, model, avatars, index, workers)
         self._progress = progress
+        # What hits do to avatars then is the processor's.
+        self._hits_tell = len(avatars.conditions) > 0 or (len(model.falls) > 0 and crowd.crowding.back > 0.0)
         self._is_fetched = True
         self._depth, self._age, self._extent = -1, 0, 0.0
         self._work: Work | None = None
@@ -147,7 +149,7 @@ class CudaStages:
         self._launch("start_action", deciding)
         clock.lap()
         thrown = self._strike(now) if moves else empty_strikes(0)
-        if len(thrown) and len(self._avatars.conditions):
+        if len(thrown) and self._hits_tell:
             thrown = self._hurt(world, now)
         clock.lap()
         self._record(now, rows)
@@ -302,7 +304,7 @@ class CudaStages:
         clock.laps += spent
 
     def _strike(self, now: Now) -> Array:
-        """List the strikes thrown since the frame before; without damage, let those note them whom they hit."""
+        """List the strikes thrown since the frame before; let those note them whom they hit, where that is all."""
         assert self._work is not None
         self._count(THROWN, 0)
         self._launch("throw_strikes", now.present)
@@ -316,7 +318,7 @@ class CudaStages:
         thrown = empty_strikes(held)
         if held:
             read(self._work.strikes[:held], thrown)
-            if not len(self._avatars.conditions):
+            if not self._hits_tell:
                 self._launch("link_hit", held)
                 self._launch("note_hits_of_avatar", held)
         return thrown
