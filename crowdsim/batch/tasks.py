@@ -38,8 +38,6 @@ if TYPE_CHECKING:
 
 _PAUSE = 0.2
 """How often a folder is looked at that another process holds [s]."""
-_MOMENTS = 32
-"""Frames of a source of which one picture is drawn."""
 _NEWS = 0.5
 """How often progress is reported [s]."""
 
@@ -148,12 +146,12 @@ def thumbnail(job: Job, path: Path, *_: None) -> None:
     """Draw a small picture of a finished take, at half its time."""
     from crowdsim.render.look import Look
     from crowdsim.render.options import RenderOptions
+    from crowdsim.render.take_source import thumbnail_rate
     from crowdsim.render.video import write_png
 
     with _attempt(job, "thumbnail"):
         run = _run(job)
-        # The camera follows the crowd through all frames of its source, so there are few.
-        source = run.source(min(30.0, _MOMENTS / max(run.frame_count / run.control_rate, 1.0)), 1)
+        source = run.source(thumbnail_rate(run), 1)
         stage = RenderOptions(size=(256, 144), look=Look(caption=False), threads=1).stage(source)
         make_folder(path.parent)
         write_png(path, stage.picture(source.frame_count // 2), stage.mark)

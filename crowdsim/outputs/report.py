@@ -25,8 +25,6 @@ _POSE_BYTES, _PAGE_BYTES = 60.0, 400_000.0
 _POSE_SECONDS, _FIGURE_SECONDS = 60e-6, 2.4e-3
 """Bytes and seconds of an avatar in a frame, bytes of the rest, and seconds of an avatar in all thumbnails; measured
 with the shipped scenarios."""
-_MOMENTS = 32
-"""Frames that are opened for thumbnails: a camera follows the crowd through all of them."""
 _AVATARS = (
     "Numbers of the avatars that the player shows, from 0, or names of avatars, groups and teams; without it all."
 )
@@ -108,13 +106,14 @@ class ReportOutput(Ranged):
         return [path]
 
     def _pictures(self, done: FinishedTake) -> TakeSource | None:
-        from crowdsim.render.take_source import TakeSource
+        from crowdsim.render.take_source import TakeSource, thumbnail_rate
 
         take = done.take
         if not take.frame_count:
             return None
-        fps = min(30.0, _MOMENTS / max(take.frame_count / take.control_rate, 1.0))
-        return TakeSource(take, done.policies, fps, threads=done.threads, arena=done.arena, obstacles=done.obstacles)
+        return TakeSource(
+            take, done.policies, thumbnail_rate(take), threads=done.threads, arena=done.arena, obstacles=done.obstacles
+        )
 
     def _recording(self, done: FinishedTake) -> Recording | None:
         from crowdsim.view.take_motion import record_take

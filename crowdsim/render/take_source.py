@@ -21,6 +21,8 @@ from crowdsim.render.source import Shown
 from crowdsim.scenario.camera import Camera
 from crowdsim.take.take import Take
 
+THUMBNAIL_FRAMES = 32
+"""Frames of a take that are opened for small pictures of it: a camera follows the crowd through all of them."""
 _BLOCK_BYTES = 48 << 20
 _MOST_FRAMES = 32
 _HELD, _GLOSS = -1_000_000, 0.15
@@ -213,6 +215,11 @@ class TakeSource:
         before = int(control + 1e-9)
         rows = np.asarray(self.take.targets[before : before + 2], float)
         return np.asarray(rows[0] + max(control - before, 0.0) * (rows[-1] - rows[0]))
+
+
+def thumbnail_rate(take: Take) -> float:
+    """Return the frame rate at which a take has about ``THUMBNAIL_FRAMES``."""
+    return min(30.0, THUMBNAIL_FRAMES / max(take.frame_count / take.control_rate, 1.0))
 
 
 def _heights(policy: Policy) -> tuple[float, float]:

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from falling import falling_policy
 from scenes import scene
+from synthetic_policy import policy
 from test_damage import fighters, rules
 
+from crowdsim.crowd.crowd import build_crowd
 from crowdsim.crowd.draw import draw_crowd
 from crowdsim.crowd.kernels import evaluate, layout, terms
 from crowdsim.crowd.kernels.evaluate import TERMS
@@ -67,6 +69,22 @@ def test_those_who_are_knocked_down_are_explained_by_their_falls() -> None:
             falls = down[one.avatar] < layout.DROPS <= simulation.avatars.conditions["standing"][one.avatar]
             falling += falls and not len(one.actions)
     assert falling > 2
+
+
+def test_a_neighbour_whose_action_ended_a_whole_frame_ago_is_no_body_on_the_floor() -> None:
+    found = []
+    for late in (0.0, 1.0):
+        crowd = build_crowd(np.array([0.0, 0.3]), np.zeros(2), np.array([1.6, -1.6]), policies=[policy(0)], seed=2)
+        simulation = Simulation(crowd)
+        simulation.run(1)
+        motion, slots = simulation.avatars.motion, simulation.avatars.slot_of
+        motion["phase"] = simulation.model.actions["length"][motion["action"]] - 1.0
+        motion["phase"][slots[1]] += late
+        decisions = {one.avatar: one for one in simulation.explain()}
+        assert set(decisions) == {0, 1}
+        found.append(decisions[0].values[TERMS.index("collisions")])
+    assert found[0].any()
+    np.testing.assert_allclose(found[0], found[1], atol=1e-6)
 
 
 def begun_by_number(simulation):

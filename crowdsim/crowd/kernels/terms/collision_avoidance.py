@@ -125,7 +125,8 @@ def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
         found = near[close]
         found.x, found.z, found.way_x, found.way_z, found.room = ax, az, wx, wz, room
         found.end_cost, found.path_cost, found.halt_x, found.halt_z = end_cost, path_cost, hx, hz
-        found.frames = (model.actions[motion[j].action].length - motion[j].phase) / motion[j].speed
+        # One that decides now may be a whole frame beyond its end, which would stand for ``ON_FLOOR``.
+        found.frames = max((model.actions[motion[j].action].length - motion[j].phase) / motion[j].speed, 0.0)
         reach = room + furthest + math.sqrt((hx - ax - wx) ** 2 + (hz - az - wz) ** 2)
         close += nx * nx + nz * nz < reach * reach
     return close
