@@ -91,8 +91,9 @@ def least(run: Callable[[], np.ndarray], times: int) -> np.ndarray:
 
 
 def timed(crowd: Crowd, policy: Policy, frames: int, threads: int, skip: int = 0) -> tuple[np.ndarray, Simulation]:
-    """Run a crowd; return its timings after ``skip`` frames, and what it is like at the end."""
-    simulation = Simulation(replace(crowd, policies=[policy], frames=frames + skip), threads=threads, profiled=True)
+    """Run a crowd, whatever else would end it; return its timings after ``skip`` frames, and what it is like then."""
+    crowd = replace(crowd, policies=[policy], frames=frames + skip, until=None)
+    simulation = Simulation(crowd, threads=threads, profiled=True)
     parts: list[np.ndarray] = []
     while simulation.frame < frames + skip:
         timings = simulation.run(1 if crowd.count > 2000 else frames + skip).timings

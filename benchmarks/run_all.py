@@ -20,6 +20,7 @@ import json
 import math
 import os
 import platform
+import signal
 import subprocess
 import sys
 import time
@@ -66,6 +67,9 @@ def run(name: str, quick: bool = False) -> dict[str, Any]:
     if done.returncode:
         lines = done.stderr.strip().splitlines()
         outcome = "not measured" if done.returncode == LACKING else "failed"
+        if done.returncode < 0:
+            last = lines[-1] if lines else "nothing"
+            lines.append(f"ended by {signal.Signals(-done.returncode).name} after {last!r}")
         return {outcome: lines[-1] if lines else f"exit code {done.returncode}"}
     try:
         results = json.loads(done.stdout)
