@@ -12,7 +12,7 @@ other two, and the eye moves within it so that the crowd is in the middle of the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +35,8 @@ _ELEVATIONS = {"side": 7.0, "front": 7.0, "top": 90.0}
 _LOWEST, _HIGHEST = 12.0, 36.0
 """How far down the cameras ``auto`` and ``orbit`` look [degrees]."""
 _BISECTIONS = 24
+_AT_ONCE = 200_000
+"""Positions of avatars that are worked on at once."""
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
 _RING = np.stack([np.sin(_ANGLES), np.zeros(24), np.cos(_ANGLES)], axis=1)
 _LINE, _OBLIQUE = 2.0, 0.5
@@ -64,21 +66,19 @@ def _solve(limits: Array, tx: float, ty: float, closest: Array) -> tuple[Array, 
     return z, np.stack([a + tx * z, c + ty * z], axis=-1), np.stack([-b - tx * z, -d - ty * z], axis=-1)
 
 
-def _centre(across: Array, ahead: Array) -> float:
-    """Return where an eye, to the right or up, sees points as far to one side as to the other; ``ahead`` is positive.
+def _centre(across: Array, ahead: Array) -> Array:
+    """Return where eyes, to the right or up, see points as far to one side as to the other; ``ahead`` is positive.
 
     Args:
-        across: Points to the right or up [m]. Shape (n,).
-        ahead: How far they are before the eye [m]. Shape (n,).
+        across: Points to the right or up, NaN where there are none [m]. Shape (..., n).
+        ahead: How far they are before the eye [m]. Shape (..., n).
     """
-    low, high = float(across.min()), float(across.max())
+    low, high = np.nanmin(across, axis=-1), np.nanmax(across, axis=-1)
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        seen = (across - middle) / ahead
-        if seen.max() + seen.min() > 0.0:
-            low = middle
-        else:
-            high = middle
+        seen = (across - middle[..., None]) / ahead
+        right = np.nanmax(seen, axis=-1) + np.nanmin(seen, axis=-1) > 0.0
+        low, high = np.where(right, middle, low), np.where(right, high, middle)
     return 0.5 * (low + high)
 
 
@@ -136,18 +136,14 @@ def frame_crowd(crowd: Crowd, kind: str, size: tuple[int, int], field: float) ->
     normals, basis, tx, ty = _sides(azimuth, elevation, size, field)
     level = np.hypot(normals[:, 0], normals[:, 2])
     reach = level[:, None] * _REACH * crowd.heights + np.maximum(normals[:, 1:2] * 1.06 * crowd.heights, 0.0)
-    limits = np.empty((len(crowd.grounds), 4))
-    middles = np.empty(len(crowd.grounds))
-    for moment, grounds in enumerate(crowd.grounds):
-        here = np.isfinite(grounds[:, 0])
-        if not here.any():
-            limits[moment], middles[moment] = limits[moment - 1], middles[moment - 1]
-            continue
-        x, z = grounds[here, :2].T.astype(float)
-        flat = normals[:, :1] * x + normals[:, 2:] * z
-        limits[moment] = (flat + reach[:, here]).max(axis=1)
-        ahead = x * basis[2, 0] + z * basis[2, 2]
-        middles[moment] = 0.5 * (ahead.min() + ahead.max())
+    limits, middles = np.empty((len(crowd.grounds), 4)), np.empty(len(crowd.grounds))
+    for moments in _some_at_once(crowd):
+        x, z = np.moveaxis(crowd.grounds[moments, :, :2].astype(float), -1, 0)
+        for side, (right, _, ahead) in enumerate(normals):
+            limits[moments, side] = np.nanmax(right * x + ahead * z + reach[side], axis=1)
+        deep = x * basis[2, 0] + z * basis[2, 2]
+        middles[moments] = 0.5 * (np.nanmin(deep, axis=1) + np.nanmax(deep, axis=1))
+    limits, middles = _as_before(crowd, limits), _as_before(crowd, middles)
     along, least, most = _solve(envelope(limits, crowd), tx, ty, smooth(middles, crowd) - _CLOSEST * tall)
     centres = np.clip(smooth(_centres(crowd, basis, along), crowd), least, np.maximum(least, most))
     eyes = np.concatenate([centres, along[:, None]], axis=1) @ basis
@@ -165,17 +161,30 @@ def frame_crowd(crowd: Crowd, kind: str, size: tuple[int, int], field: float) ->
 def _centres(crowd: Crowd, basis: Array, along: Array) -> Array:
     """Positions of the eye to the right and up (M, 2) from which the crowd is in the middle at each moment."""
     centres = np.zeros((len(crowd.grounds), 2))
-    for moment, grounds in enumerate(crowd.grounds):
-        here = np.isfinite(grounds[:, 0])
-        if not here.any():
-            centres[moment] = centres[moment - 1]
-            continue
-        feet = grounds[here, 0, None].astype(float) * basis[:, 0] + grounds[here, 1, None].astype(float) * basis[:, 2]
-        heads = feet + crowd.heights[here, None] * basis[:, 1]
-        right, up, ahead = np.concatenate([feet, heads]).T
-        ahead = np.maximum(ahead - along[moment], 0.3)
-        centres[moment] = _centre(right, ahead), _centre(up, ahead)
-    return centres
+    for moments in _some_at_once(crowd):
+        x, z = np.moveaxis(crowd.grounds[moments, :, :2].astype(float), -1, 0)
+        places = []
+        for side in range(3):
+            feet = x * basis[side, 0] + z * basis[side, 2]
+            places.append(np.concatenate([feet, feet + crowd.heights * basis[side, 1]], axis=1))
+        right, up, ahead = places
+        ahead = np.maximum(ahead - along[moments, None], 0.3)
+        centres[moments, 0], centres[moments, 1] = _centre(right, ahead), _centre(up, ahead)
+    return _as_before(crowd, centres)
+
+
+def _some_at_once(crowd: Crowd) -> Iterator[Array]:
+    """Yield the moments at which anything is there, some at a time."""
+    there = np.flatnonzero(np.isfinite(crowd.grounds[:, :, 0]).any(axis=1))
+    size = max(1, _AT_ONCE // max(crowd.grounds.shape[1], 1))
+    for low in range(0, len(there), size):
+        yield there[low : low + size]
+
+
+def _as_before(crowd: Crowd, values: Array) -> Array:
+    """Return values of moments (M, ...), at moments when nothing is there those of the last one before."""
+    there = np.isfinite(crowd.grounds[:, :, 0]).any(axis=1)
+    return values[np.maximum.accumulate(np.where(there, np.arange(len(there)), 0))]
 
 
 @dataclass(frozen=True)
@@ -226,7 +235,7 @@ class Rings:
         feet = np.insert(centre, 1, 0.0) + radius * _RING
         heads = feet + np.array([0.0, self.height, 0.0])
         _, up, ahead = (np.concatenate([feet, heads]) @ basis.T).T
-        height = min(max(_centre(up, np.maximum(ahead - along, 0.3)), float(least[1])), float(most[1]))
+        height = min(max(float(_centre(up, np.maximum(ahead - along, 0.3))), float(least[1])), float(most[1]))
         eye = np.array([float(np.insert(centre, 1, 0.0) @ basis[0]), height, float(along)]) @ basis
         return View(eye, basis[2], basis[0], middle - float(eye @ basis[2]), field)
 

@@ -55,6 +55,7 @@ class TakeSource:
         cameras: Cameras of the scenario by name.
         obstacles: Parts of the scenario's obstacles, whose doors open by seconds (``places.arrays.pack_parts``); none
             by default. Shape (n,), ``PART``.
+        sampler: Poses the take; made when None.
 
     Raises:
         TakeError: The policies are not those that the take was recorded with.
@@ -70,13 +71,14 @@ class TakeSource:
         arena: Array | None = None,
         cameras: Mapping[str, Camera] | None = None,
         obstacles: Array | None = None,
+        sampler: PoseSampler | None = None,
     ) -> None:
         self.take, self.fps, self.name = take, float(fps), name or take.scenario
         self._arguments: tuple[Any, ...] = (take, tuple(policies), fps, name, threads, arena, cameras, obstacles)
         self.obstacles = obstacles
         self.cameras = cameras or {}
         self.arena = np.zeros(5) if arena is None else np.asarray(arena, float)
-        self._sampler = PoseSampler(take, policies, threads)
+        self._sampler = sampler or PoseSampler(take, policies, threads)
         self.frame_count = take.output_frames(fps)
         cast = take.cast
         self.avatar_names = tuple(str(value) for value in cast.names)

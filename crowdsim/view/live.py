@@ -27,12 +27,14 @@ from crowdsim.crowd.record import TakeData
 from crowdsim.motion import quaternion
 from crowdsim.motion.strikes import HANDS
 from crowdsim.poses.contacts import strikes_near
-from crowdsim.poses.hits import by_column
+from crowdsim.poses.hits import Landed, by_column
 from crowdsim.poses.kernels.fists import JOINTS, Landings
+from crowdsim.poses.kernels.reactions import Blows
 from crowdsim.poses.layer import Layer, Part, Scheduler
 from crowdsim.poses.layers import LAYERS
 from crowdsim.poses.layers.fists import Fists, plan_landings
 from crowdsim.poses.layers.floor import Floor, Settling
+from crowdsim.poses.layers.reactions import BlowPlanner, Reactions
 from crowdsim.poses.motion import prepare_motion
 from crowdsim.poses.poser import Poser
 from crowdsim.take.take import Take
@@ -167,6 +169,54 @@ class Settled:
         return roots[:-1] + moved[:, :, 0], quaternion.multiply(turns, rotations[:-1])
 
 
+class Known:
+    """What has been found of strikes by attacker, victim, limb and time, whichever take it was found in.
+
+    Args:
+        rate: Control frames a second.
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._rate, self._first, self._end = rate, 0, 0
+        self.fists: dict[tuple[int, ...], tuple[Array, ...]] = {}
+        self.blows: dict[tuple[int, ...], Any] = {}
+
+    def begin(self, first: int, end: int) -> None:
+        """Forget strikes before a control frame; what is asked for from now on is of a take of frames until ``end``."""
+        self._first, self._end = first, end
+        for found in (self.fists, self.blows):
+            for key in [one for one in found if one[-1] < 1000 * first]:
+                del found[key]
+
+    @property
+    def until(self) -> float:
+        """The last time whose frame and the next one have been simulated, of the take [s]."""
+        return max(self._end - 2 - self._first, 0) / self._rate
+
+    def keys(self, near: Landed) -> list[tuple[int, ...]]:
+        """Return the keys of strikes of the take."""
+        frames = np.rint(1000.0 * (near.times * self._rate + self._first)).astype(np.int64)
+        return list(zip(*(one.tolist() for one in (near.attackers, near.victims, near.limbs, frames)), strict=True))
+
+
+class NearBlows(BlowPlanner):
+    """What hits avatars; it is planned once, a control frame after it has hit, and then kept."""
+
+    strikes: ClassVar[Known]
+
+    def plan(self, columns: Array, count: int, first: float, last: float) -> Blows:
+        """Return what has hit avatars of a window."""
+        return super().plan(columns, count, first, min(last, self.strikes.until))
+
+    def find(self, fresh: Array) -> Array:
+        """Return what there is to know about strikes, given by number (E,)."""
+        keys, known = self.strikes.keys(self.landed.of(fresh)), self.strikes.blows
+        some = np.flatnonzero([key not in known for key in keys])
+        if len(some):
+            known |= zip((keys[row] for row in some), super().find(fresh[some]), strict=True)
+        return np.array([known[key] for key in keys])
+
+
 class NearFists(Fists):
     """Fists that touch bodies as these are without fists of their own, which saves posing further avatars.
 
@@ -175,18 +225,14 @@ class NearFists(Fists):
 
     needs = ("reactions", "reactions")
     hops = 0
-    planned: ClassVar[dict[tuple[int, ...], tuple[Array, ...]]]
-    """Fields ``_PLANNED`` of landings by attacker, victim, hand and time."""
-    first: ClassVar[int]
-    """The first control frame of the take."""
+    strikes: ClassVar[Known]
 
     def plan(self, part: Part) -> Landings:
         """Return where fists touch."""
         near, columns = strikes_near(self.poser.landed, part), part.window.columns()
         near, count = near.of(np.isin(near.limbs, HANDS)), len(part.window.avatars)
-        frames = np.rint(1000.0 * (near.times * self.poser.take.control_rate + self.first)).astype(np.int64)
-        keys = list(zip(*(one.tolist() for one in (near.attackers, near.victims, near.hands, frames)), strict=True))
-        fresh = np.array([key not in self.planned for key in keys], bool)
+        keys, planned = self.strikes.keys(near), self.strikes.fists
+        fresh = np.array([key not in planned for key in keys], bool)
         if fresh.any():
             some, rows = near.of(fresh), np.flatnonzero(fresh)
             pose_at = partial(self.poser.joints, through=self.needs[0], hops=part.hops + 1)
@@ -195,9 +241,9 @@ class NearFists(Fists):
             )
             order, _ = by_column(columns[some.attackers], count, some.times)
             for place, row in enumerate(rows[order].tolist()):
-                self.planned[keys[row]] = tuple(getattr(landings, name)[place] for name in _PLANNED)
+                planned[keys[row]] = tuple(getattr(landings, name)[place] for name in _PLANNED)
         order, starts = by_column(columns[near.attackers], count, near.times)
-        shifts, goals, stops, rotations, moves = self._joined([self.planned[keys[row]] for row in order])
+        shifts, goals, stops, rotations, moves = self._joined([planned[keys[row]] for row in order])
         return Landings(
             starts, near.times[order], near.hands[order], shifts, near.spans[order], goals, near.blocked[order], stops,
             rotations, moves,
@@ -238,11 +284,21 @@ class LivePoses:
                 Layer.__init__(self, poser)
                 self._settlings = settlings
 
-        class KeptFists(NearFists):
-            planned: ClassVar[dict[tuple[int, ...], tuple[Array, ...]]] = {}
+        known = self._known = Known(crowd.rate)
 
-        self._fists = KeptFists
-        kept = {Floor: KeptFloor, Fists: KeptFists}
+        class KeptFists(NearFists):
+            strikes = known
+
+        class KeptBlows(NearBlows):
+            strikes = known
+
+        class KeptReactions(Reactions):
+            """The layer, with blows that are planned once."""
+
+            def planner(self, kind: type[BlowPlanner] | None = KeptBlows) -> BlowPlanner:
+                return super().planner(kind)
+
+        kept = {Floor: KeptFloor, Fists: KeptFists, Reactions: KeptReactions}
         self._kinds = tuple(kept.get(kind, kind) for kind in LAYERS)
         self._policies = np.unique(crowd.cast.policies)
         self._owners = [np.flatnonzero(crowd.cast.policies == index) for index in self._policies]
@@ -265,10 +321,7 @@ class LivePoses:
         for name, rows in self._rows.items():
             rows[self._end] = getattr(frame, name)
         self._end += 1
-        self._fists.first = first = self._frames[0].number
-        planned = self._fists.planned
-        for key in [one for one in planned if one[-1] < 1000 * first]:
-            del planned[key]
+        self._known.begin(self._frames[0].number, frame.number + 1)
 
     @property
     def shown(self) -> int:

@@ -8,8 +8,10 @@ import html
 import json
 import re
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from importlib.resources import files
+from itertools import chain, islice
 from os.path import lexists
 from pathlib import Path
 from typing import Any
@@ -141,9 +143,13 @@ def page_parts(
     """Yield a page with a whole recording in it, part by part; arguments as of ``write_page``."""
     yield page_head(recording.name).encode()
     why = {} if reasons is None else {"why": reasons}
-    yield embedded({"scene": base64.b64encode(recording.scene()).decode("ascii"), **why}).encode()
+    with ThreadPoolExecutor(1) as pool:
+        # Skins are made while the first blocks are posed.
+        scene, blocks = pool.submit(recording.scene), recording.blocks(threads, progress)
+        first = list(islice(blocks, 1))
+    yield embedded({"scene": base64.b64encode(scene.result()).decode("ascii"), **why}).encode()
     yield program().encode()
-    for number, block in enumerate(recording.blocks(threads, progress)):
+    for number, block in enumerate(chain(first, blocks)):
         yield f'<script type="text/plain" id="block-{number}">{block}</script>\n'.encode()
 
 

@@ -68,7 +68,8 @@ def record_take(
     count = take.output_frames(fps)
     first, stop = (0, count) if frames is None else parse_frames(frames).resolve(count, fps)
     motion = TakeMotion(take, fps, avatars, first, stop, threads, health or {}, heals)
-    source = TakeSource(take, take.policies, fps, threads=threads, arena=arena, cameras=cameras)
+    sampler = motion.sampler
+    source = TakeSource(take, take.policies, fps, threads=threads, arena=arena, cameras=cameras, sampler=sampler)
     crowd = watch(source)
     if avatars is not None:
         things = np.arange(crowd.avatars, crowd.grounds.shape[1])
@@ -115,6 +116,7 @@ class TakeMotion:
     """Motion of some avatars of a take; a ``recording.Motion``.
 
     Attributes:
+        sampler: Poses the take.
         numbers: Numbers of the avatars in the take, ascending. Shape (n,).
         scene: Arena, and direction to the sun.
         heights: Standing height of each avatar [m]. Shape (n,).
@@ -133,8 +135,8 @@ class TakeMotion:
     ) -> None:
         self.fps, self.first, self.frames = fps, first, stop - first
         self.scene: dict[str, Any] = {}
-        self._sampler = PoseSampler(take, take.policies, threads)
-        self.take = replace(take, **{name: getattr(self._sampler.take, name) for name in ("action", "opponent")})
+        self.sampler = PoseSampler(take, take.policies, threads)
+        self.take = replace(take, **{name: getattr(self.sampler.take, name) for name in ("action", "opponent")})
         self._health, self._heals = health, heals
         chosen = np.arange(take.avatar_count) if avatars is None else np.asarray(avatars, np.int64)
         present = self._presence(chosen)
@@ -157,7 +159,7 @@ class TakeMotion:
         """Return poses of frames ``start`` to ``stop``, counted from the first."""
         size = max(1, _POSES_AT_ONCE // self.avatars)
         parts = [
-            self._sampler.sample(self.first + low, self.first + min(low + size, stop), self.fps, self.numbers)
+            self.sampler.sample(self.first + low, self.first + min(low + size, stop), self.fps, self.numbers)
             for low in range(start, stop, size)
         ]
         return [
@@ -267,7 +269,7 @@ class TakeMotion:
         for policy, figure in zip(self._policies.tolist(), self._figures, strict=True):
             database, skins = self.take.policies[policy].database, dict[Any, tuple[int, Skin]]()
             figure["skins"] = []
-            segments = self._sampler.motions[policy].segments
+            segments = self.sampler.motions[policy].segments
             for column in np.flatnonzero(cast.policies[self.numbers] == policy).tolist():
                 avatar = int(self.numbers[column])
                 girth = float(cast.girths[avatar])
@@ -293,7 +295,7 @@ class TakeMotion:
 
     def _control(self) -> tuple[int, int]:
         """Return the first control frame that is recorded, and one past the last."""
-        ends = self._sampler.control_frames(np.array([self.first, self.first + self.frames - 1]), self.fps)
+        ends = self.sampler.control_frames(np.array([self.first, self.first + self.frames - 1]), self.fps)
         return int(ends[0]), int(ends[1]) + 1
 
     def _presence(self, chosen: Array) -> Array:
@@ -440,7 +442,7 @@ class TakeMotion:
         rows = max(1, _ROWS_AT_ONCE // self.avatars)
         down = np.concatenate(
             [
-                fallen_rows(self._sampler.take, self._sampler.motions, low, min(low + rows, end), self.numbers)
+                fallen_rows(self.sampler.take, self.sampler.motions, low, min(low + rows, end), self.numbers)
                 for low in range(begin, end, rows)
             ]
         )

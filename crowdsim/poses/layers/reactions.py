@@ -16,7 +16,7 @@ from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.crowd.cast import Cast
 from crowdsim.crowd.kernels.resolve import GUARDED
-from crowdsim.motion.strikers import GROUPS, LEGS
+from crowdsim.motion.strikers import GROUPS, LEGS, LIMBS
 from crowdsim.poses.contacts import PoseAt, body_points
 from crowdsim.poses.down_state import falls_soon
 from crowdsim.poses.hits import Landed, by_column
@@ -47,6 +47,13 @@ _GIVES = {"spine": (0.13, 0.25), "chest": (0.11, 0.2), "neck": (0.05, -0.1), "he
 _LIMITS = {"spine": 0.7, "chest": 0.6, "neck": 0.5, "head": 0.3}
 """How far blows turn them at the most [rad]."""
 
+_FOUND = np.dtype(
+    [
+        ("known", np.bool_), ("shows", np.bool_), ("part", np.int64), ("gain", np.float64), ("own", np.float64),
+        ("axis", np.float64, 3), ("push", np.float64, 3), ("gloves", np.float64, (2, 3)),
+    ]
+)  # fmt: skip
+"""What is found of a strike, see ``Blows``, and how far its part goes for an axis of length 1, and by itself."""
 _LATE = 0.35
 """How far back blows count further away [s]."""
 FallsAt = Callable[[Array, Array], Array]
@@ -108,12 +115,16 @@ class Reactions(Layer):
 
     def _known(self) -> BlowPlanner:
         """What is known of the strikes that land."""
-        poser = self.poser
-        if self._planner is None or self._planner.landed is not poser.landed:
-            falls = partial(falls_soon, poser.take, poser.motions)
-            pose_at = partial(poser.joints, through=self.needs[0], hops=1)
-            self._planner = BlowPlanner(poser.landed, pose_at, self._trunks, poser.take.cast, falls)
+        if self._planner is None or self._planner.landed is not self.poser.landed:
+            self._planner = self.planner()
         return self._planner
+
+    def planner(self, kind: type[BlowPlanner] | None = None) -> BlowPlanner:
+        """Return what finds out about the strikes that land."""
+        poser = self.poser
+        falls = partial(falls_soon, poser.take, poser.motions)
+        pose_at = partial(poser.joints, through=self.needs[0], hops=1)
+        return (kind or BlowPlanner)(poser.landed, pose_at, self._trunks, poser.take.cast, falls)
 
 
 class TrunksAt(NamedTuple):
@@ -123,13 +134,15 @@ class TrunksAt(NamedTuple):
         heads: Shape (n, 3) [m].
         necks: Shape (n, 3) [m].
         pelvises: Shape (n, 3) [m].
+        strikers: What they strike with. Shape (n, 11, 3) [m].
         sizes: Sizes of the bodies. Shape (n,).
-        radii: Radius of the head and of the torso. Shape (2, n) [m].
+        radii: Radius of the head and of the torso. Shape (n, 2) [m].
     """
 
     heads: Array
     necks: Array
     pelvises: Array
+    strikers: Array
     sizes: Array
     radii: Array
 
@@ -139,7 +152,7 @@ class TrunksAt(NamedTuple):
         share = np.sum((points - self.necks) * axis, axis=1) / np.maximum(np.sum(axis * axis, axis=1), 1e-12)
         torso = np.linalg.norm(points - self.necks - np.clip(share, 0.0, 1.0)[:, None] * axis, axis=1)
         head = np.linalg.norm(points - self.heads, axis=1)
-        nearer = head - self.radii[HEAD] < torso - self.radii[TORSO]
+        nearer = head - self.radii[:, HEAD] < torso - self.radii[:, TORSO]
         return np.where((share < 0.0) | nearer, HEAD, TORSO)
 
     def middles(self, parts: Array) -> Array:
@@ -164,13 +177,9 @@ class BlowPlanner:
 
     def __init__(self, landed: Landed, pose_at: PoseAt, trunks: Sequence[Trunk], cast: Cast, falls: FallsAt) -> None:
         self.landed, self._pose_at, self._trunks, self._cast = landed, pose_at, trunks, cast
-        count = len(landed.times)
-        self._known, self._shows = np.zeros(count, bool), (landed.victims >= 0) & ~landed.again & ~landed.missed
-        self._axes, self._pushes = np.zeros((count, 3)), np.zeros((count, 3))
-        self._gloves = np.zeros((count, 2, 3))
-        self._parts = np.zeros(count, np.int64)
-        self._gains, self._own = np.zeros(count), np.zeros(count)
         self._falls = falls
+        self._found = np.zeros(len(landed.times), _FOUND)
+        self._found["shows"] = (landed.victims >= 0) & ~landed.again & ~landed.missed
 
     def plan(self, columns: Array, count: int, first: float, last: float) -> Blows:
         """Return what hits avatars of a window.
@@ -182,28 +191,32 @@ class BlowPlanner:
             last: Last time that is posed [s].
         """
         low, high = np.searchsorted(self.landed.times, (first - (ROUNDS + 1) * LENGTH, last))
-        near = np.arange(low, high)[self._shows[low:high]]
+        near = np.arange(low, high)[self._found["shows"][low:high]]
         near = near[columns[self.landed.victims[near]] >= 0]
-        self._find(near[~self._known[near]])
-        near = near[self._shows[near]]
+        fresh = near[~self._found["known"][near]]
+        if len(fresh):
+            self._found[fresh] = self.find(fresh)
+            near = near[self._found["shows"][near]]
         times = self.landed.times[near]
         order, starts = by_column(columns[self.landed.victims[near]], count, times)
-        near, times = near[order], times[order]
-        blows = Blows(starts, times, self._axes[near], self._parts[near], self._pushes[near], self._gloves[near])
-        return blows._replace(axes=strengthen(blows, self._gains[near], self._own[near]))
+        found, times = self._found[near[order]], times[order]
+        names = ("axis", "part", "push", "gloves", "gain", "own")
+        *fields, gains, own = (np.ascontiguousarray(found[name]) for name in names)
+        blows = Blows(starts, times, *fields)
+        return blows._replace(axes=strengthen(blows, gains, own))
 
-    def _find(self, fresh: Array) -> None:
-        """Find out about strikes, given by number (E,)."""
-        if not len(fresh):
-            return
-        near = self.landed.of(fresh)
-        self._shows[fresh] = ~self._falls(near.victims, near.times)
+    def find(self, fresh: Array) -> Array:
+        """Return what there is to know about strikes, given by number (E,). Shape (E,)."""
+        near, found = self.landed.of(fresh), np.zeros(len(fresh), _FOUND)
+        found["known"], found["shows"] = True, ~self._falls(near.victims, near.times)
         swings = np.where(np.isin(near.limbs, LEGS), _KICK, _SWING)
-        hit, later = (self._trunks_at(near.victims, near.times + after) for after in (0.0, RISE))
-        now, places = self._strikers(near.attackers, near.times, near.limbs)
-        before, _ = self._strikers(near.attackers, near.times - swings, near.limbs)
+        hit, later, striker, earlier = self._trunks_at(
+            (near.victims, near.times), (near.victims, near.times + RISE),
+            (near.attackers, near.times), (near.attackers, near.times - swings),
+        )  # fmt: skip
+        now, before = (one.strikers[np.arange(len(fresh)), near.limbs] for one in (striker, earlier))
         # A fist pushes along its way, and away from who strikes: a hook does both.
-        fists, apart = (_unit(np.nan_to_num(way)[:, ::2]) for way in (now - before, hit.heads - places))
+        fists, apart = (_unit(np.nan_to_num(way)[:, ::2]) for way in (now - before, hit.heads - striker.pelvises))
         ways = _unit(2.0 * fists + apart)
         parts = hit.parts(near.points)
         gains = np.array([trunk.gains for trunk in self._trunks])
@@ -219,44 +232,37 @@ class BlowPlanner:
         twists = _TWIST * np.clip((aside[:, 2] * ways[:, 0] - aside[:, 0] * ways[:, 1]) / _LEVER, -1.0, 1.0)
         twists *= np.where((parts == HEAD) & (aside[:, 1] < 0.0), _JAW, 1.0)
         axes = np.stack([over * ways[:, 1], twists, -over * ways[:, 0]], axis=1)
-        self._axes[fresh] = axes * (reaches / np.maximum(gains, 1e-9))[:, None]
-        self._parts[fresh] = parts
+        found["axis"] = axes * (reaches / np.maximum(gains, 1e-9))[:, None]
+        found["part"] = parts
         pushes = np.minimum(_PUSH * impulses**2, _FURTHEST) * hit.sizes
-        self._pushes[fresh] = np.stack([ways[:, 0], np.zeros(len(ways)), ways[:, 1]], axis=1) * pushes[:, None]
-        stops = near.blocked[:, None] & (np.arange(2) == self._nearest_hands(near)[:, None])
+        found["push"] = np.stack([ways[:, 0], np.zeros(len(ways)), ways[:, 1]], axis=1) * pushes[:, None]
+        nearest = np.argmin(np.linalg.norm(hit.strikers[:, :2] - near.points[:, None], axis=-1), axis=1)
+        stops = near.blocked[:, None] & (np.arange(2) == nearest[:, None])
         gives = np.minimum(_GUARD * impulses / GUARDED, _GUARD_GIVES) * hit.sizes
         along = np.stack([ways[:, 0], np.zeros(len(ways)), ways[:, 1]], axis=1) * gives[:, None]
-        self._gloves[fresh] = np.where(stops[..., None], along[:, None], 0.0)
+        found["gloves"] = np.where(stops[..., None], along[:, None], 0.0)
         # What an arm stops need not be seen in head or trunk: blows without a gain stay as they are.
-        self._gains[fresh] = np.where(near.blocked, 0.0, gains)
+        found["gain"] = np.where(near.blocked, 0.0, gains)
         moved = np.nan_to_num(later.tops(parts) - hit.tops(parts))[:, ::2]
-        self._own[fresh] = np.min([over * np.sum(moved * way, axis=1) for way in (ways, fists, apart)], axis=0)
-        self._known[fresh] = True
-
-    def _trunks_at(self, avatars: Array, times: Array) -> TrunksAt:
-        """Return the heads and trunks of avatars (E,) at times (E,)."""
-        points, sizes, radii = np.full((3, len(times), 3), np.nan), np.ones(len(times)), np.zeros((2, len(times)))
-        for which, body, scales, positions, rotations in self._pose_at(avatars, times):
-            points[:, which] = body_points(body, positions, rotations, scales)[:3]
-            sizes[which], radii[HEAD, which] = scales, body.head_radius * scales
-            radii[TORSO, which] = body.torso_radius * scales
-        return TrunksAt(points[0], points[1], points[2], sizes, radii)
-
-    def _nearest_hands(self, near: Landed) -> Array:
-        """Return the hand of each victim that is nearest to the strike, 0 left, 1 right. Shape (E,)."""
-        found = np.zeros(len(near.times), np.int64)
-        for which, body, scales, positions, rotations in self._pose_at(near.victims, near.times):
-            hands = body_points(body, positions, rotations, scales)[3][:, :2]
-            found[which] = np.argmin(np.linalg.norm(hands - near.points[which, None], axis=-1), axis=1)
+        found["own"] = np.min([over * np.sum(moved * way, axis=1) for way in (ways, fists, apart)], axis=0)
         return found
 
-    def _strikers(self, avatars: Array, times: Array, limbs: Array) -> tuple[Array, Array]:
-        """Return fists or feet of avatars (E,) at times (E,), and their pelvises [m]. Both of shape (E, 3)."""
-        strikers, pelvises = np.full((2, len(times), 3), np.nan)
+    def _trunks_at(self, *when: tuple[Array, Array]) -> list[TrunksAt]:
+        """Return the heads, trunks and strikers of avatars (E,) at times (E,), once for each such pair."""
+        avatars, times = (np.concatenate(part) for part in zip(*when, strict=True))
+        found = TrunksAt(
+            *np.full((3, len(times), 3), np.nan),
+            np.full((len(times), len(LIMBS), 3), np.nan),
+            np.ones(len(times)),
+            np.zeros((len(times), 2)),
+        )
         for which, body, scales, positions, rotations in self._pose_at(avatars, times):
-            _, _, pelvises[which], found = body_points(body, positions, rotations, scales)
-            strikers[which] = found[np.arange(len(which)), limbs[which]]
-        return strikers, pelvises
+            for values, points in zip(found[:4], body_points(body, positions, rotations, scales), strict=True):
+                values[which] = points
+            found.sizes[which] = scales
+            found.radii[which, HEAD], found.radii[which, TORSO] = body.head_radius * scales, body.torso_radius * scales
+        pieces = (np.split(values, len(when)) for values in found)
+        return [TrunksAt(*piece) for piece in zip(*pieces, strict=True)]
 
 
 def _unit(vectors: Array) -> Array:
