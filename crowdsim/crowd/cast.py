@@ -169,7 +169,7 @@ class Cast:
     @property
     def bare(self) -> Array:
         """Which avatars have bare hands. Shape (N,), bool."""
-        return np.array([hands == "bare" for _, hands in self.bodies], bool)[self.types]
+        return np.asarray(np.array([hands == "bare" for _, hands in self.bodies], bool)[self.types])
 
     @property
     def widths(self) -> Array:
