@@ -29,8 +29,9 @@ from _quick import best_seconds, command_line, small_policies
 from export import AVATARS, FPS, Posed
 
 from crowdsim.body.anatomy import Build
-from crowdsim.body.looks import usual_build
+from crowdsim.body.looks import build_of
 from crowdsim.body.skin import build_skin_of, pose_skins
+from crowdsim.crowd.cast import USUAL_BODY
 from crowdsim.export.clips import write_clips
 from crowdsim.export.gltf import write_gltf
 from crowdsim.poses.sampler import PoseSampler
@@ -47,6 +48,7 @@ class Crowd(Posed):
         cast = self.take.cast
         cast.girths, cast.types = np.ones(AVATARS, np.float32), np.zeros(AVATARS, np.int16)
         cast.colours, cast.team_names, cast.type_names = np.full((1, 3), np.nan), ("red", "blue"), ("boxer",)
+        cast.bodies = (USUAL_BODY,)
         self.policies[0].database.rotations = self._poses.rotations[:, 0]
         none = np.zeros(0)
         self.take.events = SimpleNamespace(frame=none, attacker=none, victim=none, damage=none)
@@ -102,7 +104,7 @@ def touches(sampler: Any, most: int) -> dict[str, float | None]:
             ((_, body, sizes, places, turned),) = sampler.moments(np.array([avatar]), strike["seconds"][None])
             policy, girth = int(take.cast.policies[avatar]), float(take.cast.girths[avatar])
             lengths = take.cast.stretches[avatar][sampler.motions[policy].segments].astype(float)
-            skin = build_skin_of(sampler.policies[policy].database, usual_build(girth)).shaped(girth, lengths)
+            skin = build_skin_of(sampler.policies[policy].database, build_of(take.cast, avatar)).shaped(girth, lengths)
             (vertices,), _ = pose_skins([skin], skin.matrices(places, turned, sizes))
             bodies.append((skin, body, vertices.astype(float)))
         (own, body, vertices), (other, _, theirs) = bodies

@@ -35,7 +35,7 @@ class Clips:
             self.clips.append((rotations, roots, clip["rate"]))
         for track in self.tracks["avatars"]:  # frames, and between these where straight lines would not do
             rows = [(frame, *(row or [np.nan] * 4)) for frame, row in enumerate(track["roots"])]
-            track["ground"] = np.array(sorted(rows + [tuple(row) for row in track["between"]])).T
+            track["ground"] = np.array(sorted(rows + [tuple(row) for row in track.get("between", [])])).T
 
     def play(self, clip, seconds):
         """Rotations and root of a clip; beyond its ends it goes straight on and comes to rest."""

@@ -9,6 +9,7 @@ unless they lie in the middle. Sizes are those of a man of 1.75 m.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import get_args
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from crowdsim.body.binding import Binding
 from crowdsim.body.field import Shapes
 from crowdsim.core.types import Array
 from crowdsim.errors import nearest
+from crowdsim.scenario.looks import Hands, Sex
 
 Triple = tuple[float, float, float]
 _ROUND = (1.0, 1.0, 1.0)
@@ -46,7 +48,7 @@ class Build:
                 raise ValueError(f"{name} is {value!r}, expected {', '.join(known)}{nearest(value, known)}")
 
 
-SEXES, KINDS, HANDS = ("male", "female"), ("lean", "athletic", "heavy"), ("gloves", "bare")
+SEXES, KINDS, HANDS = get_args(Sex), ("lean", "athletic", "heavy"), get_args(Hands)
 GIRTHS = {"lean": 0.93, "athletic": 1.0, "heavy": 1.1}
 """Girth that each kind stands for."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from crowdsim.body.anatomy import GIRTHS, Build
 from crowdsim.body.parts import SKIN_PARTS
+from crowdsim.crowd.cast import Cast
 
 _ROUGHNESS = {
     "skin": 0.55,
@@ -18,9 +19,14 @@ _ROUGHNESS = {
 _USUAL_ROUGHNESS = 0.85
 
 
-def usual_build(girth: float) -> Build:
+def usual_build(girth: float, sex: str = "male", hands: str = "gloves") -> Build:
     """Return the build of an avatar of a girth."""
-    return Build(kind=min(GIRTHS, key=lambda kind: abs(GIRTHS[kind] - girth)))
+    return Build(sex, min(GIRTHS, key=lambda kind: abs(GIRTHS[kind] - girth)), hands)
+
+
+def build_of(cast: Cast, avatar: int) -> Build:
+    """Return the build of an avatar: by its girth, and of the sex and with the hands of its type."""
+    return usual_build(float(cast.girths[avatar]), *cast.bodies[cast.types[avatar]])
 
 
 def roughness(part: int) -> float:

@@ -80,6 +80,18 @@ def avatar_paints(teams: Sequence[int] | Array, colours: Array | None = None) ->
     return paints
 
 
+def capsule_paints(paints: Array, bare: Array) -> Array:
+    """Return paints of capsules, on which the gloves of avatars with bare hands are skin.
+
+    Args:
+        paints: Those of ``avatar_paints``. Shape (N, 7, 4).
+        bare: Which avatars have bare hands. Shape (N,), bool.
+    """
+    found = paints.copy()
+    found[bare, PARTS.index("glove")] = paints[bare, PARTS.index("skin")]
+    return found
+
+
 def skin_paints(avatar: int, paints: Array, kind: int = 0) -> Array:
     """Return the paint of each of ``body.parts.SKIN_PARTS`` of an avatar. Shape (P, 4), float32.
 

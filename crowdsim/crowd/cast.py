@@ -25,6 +25,8 @@ _USUAL: dict[str, tuple[float, Any]] = {
     "stances": (0, np.uint8),
 }
 """What avatars are like whose take does not say."""
+USUAL_BODY = ("male", "gloves")
+"""Sex and hands of a body, likewise."""
 
 
 def _unknown() -> Array:
@@ -58,6 +60,7 @@ class Cast:
         group_names: Names of the groups, or none, likewise.
         attachments: What avatars of each type carry, but for meshes. Shape (P,), ``PROP``.
         faces: Triangles of the meshes that they carry. Shape (T,), ``FACE``.
+        bodies: Sex and hands of the body of each type, words of ``scenario.looks``.
     """
 
     names: Array
@@ -81,12 +84,15 @@ class Cast:
     group_names: tuple[str, ...] = ()
     attachments: Array = field(default_factory=lambda: np.zeros(0, PROP))
     faces: Array = field(default_factory=lambda: np.zeros(0, FACE))
+    bodies: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         """Give all avatars of takes that do not record them the usual body and temperament."""
         for name, (usual, dtype) in _USUAL.items():
             if len(getattr(self, name)) == 0:
                 object.__setattr__(self, name, np.full(len(self.names), usual, dtype))
+        if not self.bodies:
+            object.__setattr__(self, "bodies", (USUAL_BODY,) * len(self.type_names))
 
     @cached_property
     def held(self) -> Array:
@@ -159,6 +165,11 @@ class Cast:
         """Return what is constant for the first avatars."""
         each = ("names", "types", "teams", "policies", "scales", "speeds", "groups", *_USUAL)
         return replace(self, **{name: getattr(self, name)[:count] for name in each})
+
+    @property
+    def bare(self) -> Array:
+        """Which avatars have bare hands. Shape (N,), bool."""
+        return np.asarray(np.array([hands == "bare" for _, hands in self.bodies], bool)[self.types])
 
     @property
     def widths(self) -> Array:

@@ -151,6 +151,7 @@ def _cast(scenario: Scenario, types: Array, drawn: Mapping[str, Array], policies
         group_names=tuple(scenario.group_names) if has_names else (),
         attachments=attachments,
         faces=faces,
+        bodies=tuple((kind.sex, kind.hands) for kind in kinds),
     )
 
 

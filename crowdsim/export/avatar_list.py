@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from crowdsim.body.looks import usual_build
+from crowdsim.body.looks import build_of
 from crowdsim.core.types import Array
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def avatar_list(
         table.writerow([
             number, name, cast.team_names[cast.teams[number]], cast.type_names[cast.types[number]],
             *((first, last) if count else ("", "")), count,
-            f"{cast.scales[number]:.6g}", usual_build(float(cast.girths[number])).kind,
+            f"{cast.scales[number]:.6g}", build_of(cast, number).kind,
             file_of(name) if count else "",
         ])  # fmt: skip
     return text.getvalue()

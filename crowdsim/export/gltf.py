@@ -25,7 +25,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from crowdsim.body.anatomy import Build
-from crowdsim.body.looks import roughness, usual_build
+from crowdsim.body.looks import build_of, roughness
 from crowdsim.body.palette import avatar_paints, skin_paints
 from crowdsim.body.parts import SKIN_PARTS
 from crowdsim.body.skin import HELPERS, Skin, build_skin_of
@@ -125,8 +125,8 @@ class GltfSink:
         there = {int(number): sampler.present(int(number), self.start, self.stop, float(fps)) for number in numbers}
         there = {number: rows for number, rows in there.items() if rows.any()}
         self.avatars: Array = np.array(list(there), np.int64)
-        girths = np.asarray(take.cast.girths, float)
-        self._builds = [usual_build(girth) for girth in girths] if builds is None else list(builds)
+        everyone = range(take.avatar_count)
+        self._builds = [build_of(take.cast, number) for number in everyone] if builds is None else list(builds)
         self._places: dict[int, _Place] = {}
         self._stills: dict[int, tuple[Array, Array]] = {}
         self._rows, self._cameras = 0, cameras

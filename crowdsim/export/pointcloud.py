@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from crowdsim.body.anatomy import Build
-from crowdsim.body.looks import usual_build
+from crowdsim.body.looks import build_of
 from crowdsim.body.skin import Skin, build_skin_of
 from crowdsim.core.types import Array, Progress
 from crowdsim.export.cloud_files import Cloud, probe_open3d, write_cloud
@@ -178,7 +178,7 @@ class CloudSink:
         """Return the points on the skin of an avatar, and note what carries it."""
         cast = self._sampler.take.cast
         girth = float(cast.girths[number])
-        key = policy, usual_build(girth)
+        key = policy, build_of(cast, number)
         if key not in self._skins:
             skin = build_skin_of(self._sampler.policies[policy].database, key[1])
             surface = build_skin_surface(skin, self._points)

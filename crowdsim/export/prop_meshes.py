@@ -46,11 +46,14 @@ def prop_meshes(cast: Cast, kind: int) -> list[PropMesh]:
         capsules, triangles = props[props["joint"] == joint], faces[faces["joint"] == joint]
         sides, rings = _FINE if len(capsules) <= _FEW else _COARSE
         parts = []
-        for colour in np.unique(np.concatenate([capsules["colour"], triangles["colour"]]), axis=0):
-            rows, flat = (own[(own["colour"] == colour).all(axis=1)] for own in (capsules, triangles))
+        colours, own = np.unique(np.concatenate([capsules["colour"], triangles["colour"]]), axis=0, return_inverse=True)
+        own, count = own.reshape(-1), len(capsules)
+        shares = np.split(np.argsort(own, kind="stable"), np.cumsum(np.bincount(own))[:-1])
+        for colour, rows in zip(colours, shares, strict=True):
+            flat = triangles[rows[rows >= count] - count]
             meshes = [
                 capsule_mesh(row["start"].astype(float), row["end"].astype(float), float(row["radius"]), sides, rings)
-                for row in rows
+                for row in capsules[rows[rows < count]]
             ]
             # Colours are linear in files and pictures; those of types are as screens show them.
             red, green, blue = (round(float(value) ** 2, 4) for value in colour)

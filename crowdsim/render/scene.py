@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crowdsim.body.palette import avatar_paints
+from crowdsim.body.palette import avatar_paints, capsule_paints
 from crowdsim.core.types import Array
 from crowdsim.poses.capsules import swelling_capsules
 from crowdsim.render.figure import Figure, dress, figure_segments
@@ -86,6 +86,7 @@ def build_cast(
     colours: Array | None = None,
     girths: Array | None = None,
     stretches: Array | None = None,
+    bare: Array | None = None,
 ) -> Cast:
     """Dress avatars: which figure each has, and which colours.
 
@@ -97,16 +98,18 @@ def build_cast(
         colours: Colour that an avatar has instead of its team's, NaN for none: red, green, blue in 0..1. Shape (N, 3).
         girths: How thick its trunk and limbs are for their length, 1 by default. Shape (N,).
         stretches: How long the bones of its trunk, legs and arms are for its size, 1 by default. Shape (N, 3).
+        bare: Which have bare hands, none by default. Shape (N,), bool.
     """
     segments = tuple(figure_segments(figure) for figure in figures)
     figures = [dress(figure) for figure in figures]
     avatar_figures = np.asarray(avatar_figures)
     by_part = avatar_paints(teams, colours)
+    worn = by_part if bare is None else capsule_paints(by_part, bare)
     members, paints, owners = [], [], []
     for index, figure in enumerate(figures):
         avatars = np.flatnonzero(avatar_figures == index).astype(np.int32)
         members.append(avatars)
-        paints.append(by_part[avatars][:, figure.capsule_parts].reshape(-1, 4))
+        paints.append(worn[avatars][:, figure.capsule_parts].reshape(-1, 4))
         owners.append(np.repeat(avatars, len(figure.capsule_joints)))
     return Cast(
         figures=tuple(figures),

@@ -233,6 +233,7 @@ def build_stage(
         source.avatar_colours,
         source.avatar_girths,
         source.avatar_stretches,
+        getattr(source, "avatar_bare", None),
     )
     mark = hashlib.sha256(json.dumps(content).encode()).hexdigest()[:32]
 

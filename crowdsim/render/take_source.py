@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowdsim.body.looks import usual_build
+from crowdsim.body.looks import build_of
 from crowdsim.body.skin import Skin, build_skin_of
 from crowdsim.core.types import Array
 from crowdsim.policy.policy import Policy
@@ -83,7 +83,7 @@ class TakeSource:
         cast = take.cast
         self.avatar_names = tuple(str(value) for value in cast.names)
         self.avatar_teams = np.asarray(cast.teams, int)
-        self.avatar_kinds = np.asarray(cast.types, int)
+        self.avatar_kinds, self.avatar_bare = np.asarray(cast.types, int), cast.bare
         self.avatar_scales = np.asarray(cast.scales, float)
         self.avatar_girths = np.asarray(cast.girths, float)
         self.avatar_stretches = cast.stretches
@@ -201,7 +201,7 @@ class TakeSource:
         cast = self.take.cast
         policy, girth = int(cast.policies[avatar]), float(cast.girths[avatar])
         lengths = cast.stretches[avatar][self._sampler.motions[policy].segments]
-        skin = build_skin_of(self._sampler.policies[policy].database, usual_build(girth), coarseness)
+        skin = build_skin_of(self._sampler.policies[policy].database, build_of(cast, avatar), coarseness)
         return skin.shaped(girth, lengths)
 
     def recent_strikes(self, frame: int) -> tuple[Array, Array, Array, Array]:
@@ -235,7 +235,7 @@ def _heights(policy: Policy) -> tuple[float, float]:
 def _digest(take: Take) -> str:
     """A text that differs between takes: of the settings, of a few frames and of all strikes."""
     named = (take.scenario, take.seed, take.fingerprints, take.control_rate, take.frame_count, take.status)
-    digest = hashlib.sha256(repr((*named, take.reactions, take.collision_avoidance)).encode())
+    digest = hashlib.sha256(repr((*named, take.reactions, take.collision_avoidance, take.cast.bodies)).encode())
     cast, events = take.cast, take.events
     of_cast = (cast.types, cast.teams, cast.policies, cast.scales, cast.girths, cast.speeds, cast.colours)
     for array in (*of_cast, cast.stretches, cast.attachments, cast.faces, events.point, events.outcome):

@@ -1,4 +1,4 @@
-"""Words for how pictures look, which never changes what a take is."""
+"""Words for how pictures and bodies look, which never changes what avatars do."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from crowdsim.errors import nearest
 Marks = Literal["none", "landed", "all"]
 Light = Literal["day", "soft", "evening", "night"]
 Figure = Literal["auto", "body", "capsules"]
+Sex = Literal["male", "female"]
+Hands = Literal["gloves", "bare"]
 MARKS, LIGHTS, FIGURES = get_args(Marks), get_args(Light), get_args(Figure)
 BACKGROUNDS = ("day", "dark", "studio", "white", "black", "green")
 MOST_BLUR = 64

@@ -15,6 +15,7 @@ from crowdsim.places.description import Point as Point
 from crowdsim.scenario.attachments import Attachment
 from crowdsim.scenario.distributions import Distribution, QuantitySpread, Spread, limits
 from crowdsim.scenario.fitness import Damage, Stamina
+from crowdsim.scenario.looks import Hands, Sex
 from crowdsim.scenario.names import NAME, NAME_RULE, is_name
 from crowdsim.training.pursuit import MARGIN, MOST, TEMPERATURE
 
@@ -204,6 +205,10 @@ class AvatarType(StrictModel):
         description=f"Speed of the motion, as a factor from {SPEEDS[0]:g} to {SPEEDS[1]:g}: a number, or a "
         "distribution within these limits.",
     )
+    sex: Sex = Field(
+        default="male", description="Sex of the body that pictures, the player, clouds and glTF files show."
+    )
+    hands: Hands = Field(default="gloves", description="What its hands are like there: `gloves`, or `bare` fists.")
     colour: Colour | None = Field(
         default=None, description="Colour in pictures as '#rrggbb'; without it the team's colour."
     )

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from crowdsim.crowd.cast import Cast
+from crowdsim.crowd.cast import USUAL_BODY, Cast
 from crowdsim.take.layout import COORDINATES, FORMAT, VERSION
 
 
@@ -27,6 +27,7 @@ class TakeHeader:
         """Return the attributes of the take while it grows, of which ``frames`` control frames are planned."""
         cast = self.cast
         props = {"attachments": cast.attachments, "faces": cast.faces}
+        bodies = [{"sex": sex, "hands": hands} for sex, hands in cast.bodies]
         return {
             "format": FORMAT,
             "version": VERSION,
@@ -46,6 +47,7 @@ class TakeHeader:
             # xarray reads coordinates that are no dimensions from here.
             "coordinates": " ".join(COORDINATES),
             "type_colours": [[None if math.isnan(c) else float(c) for c in row] for row in cast.colours],
+            **({"type_bodies": bodies} if set(cast.bodies) - {USUAL_BODY} else {}),
             **{key: [_plain(row) for row in rows] for key, rows in props.items() if len(rows)},
         }
 

@@ -14,6 +14,7 @@ from crowdsim.config.documents import DocumentModel, OpenModel, document_fault, 
 from crowdsim.config.files import Fault
 from crowdsim.errors import TakeError
 from crowdsim.files import NotPlainError, entries, open_plain, stat_plain, walk
+from crowdsim.scenario.looks import Hands, Sex
 
 _MOST_BYTES, _MOST_METADATA = 1 << 26, 1 << 26
 """Largest chunk, uncompressed, and longest file of metadata [bytes]."""
@@ -91,6 +92,13 @@ class FaceFacts(DocumentModel):
     blocks: bool
 
 
+class BodyFacts(OpenModel):
+    """What the body of a type is like."""
+
+    sex: Sex
+    hands: Hands
+
+
 class TakeAttributes(OpenModel):
     """The file ``.zattrs`` of a take."""
 
@@ -110,6 +118,7 @@ class TakeAttributes(OpenModel):
     attachments: list[PropFacts] = Field(default_factory=list, max_length=1 << 20)
     faces: list[FaceFacts] = Field(default_factory=list, max_length=1 << 18)
     type_colours: list[list[Annotated[float, Field(ge=0.0, le=1.0)] | None]]
+    type_bodies: list[BodyFacts] = Field(default_factory=list)
 
     @model_validator(mode="after")
     def _lengths(self) -> TakeAttributes:
@@ -118,6 +127,8 @@ class TakeAttributes(OpenModel):
             raise Fault(what, "policy_fingerprints")
         if len(self.type_colours) != len(self.type_names) or any(len(row) != 3 for row in self.type_colours):
             raise Fault(f"expected red, green and blue of each of {len(self.type_names)} types", "type_colours")
+        if self.type_bodies and len(self.type_bodies) != len(self.type_names):
+            raise Fault(f"expected sex and hands of each of {len(self.type_names)} types", "type_bodies")
         carried: dict[str, Sequence[PropFacts | FaceFacts]] = {"attachments": self.attachments, "faces": self.faces}
         for key, props in carried.items():
             for index, prop in enumerate(props):

@@ -81,6 +81,7 @@ def _read_cast(folder: Path, attributes: Mapping[str, Any], names: Array, sizes:
         colours=np.array(colours, float).reshape(-1, 3),
         attachments=_read_rows(attributes.get("attachments", ()), PROP),
         faces=_read_rows(attributes.get("faces", ()), FACE),
+        bodies=tuple((body["sex"], body["hands"]) for body in attributes.get("type_bodies", ())),
     )
     _check_names(folder, cast)
     return cast

@@ -61,7 +61,8 @@ class Camera {
       { name: 'follow the avatar', kind: 'follow' },
       { name: 'eyes of the avatar', kind: 'eye' },
     ];
-    this.choice = 0;
+    // Tracks that take long to plan come when they are chosen.
+    this.choice = this.choices.findIndex(choice => choice.kind !== 'track' || choice.track);
     this.avatar = 0;
     // The eye is at `distance` from `target`, in the direction of `yaw` and `pitch`.
     this.orbit = { target: [0, 1, 0], yaw: 0, pitch: 0.4, distance: 12, field: FIELD };
@@ -152,9 +153,10 @@ class Camera {
   }
 
   planned(track, seconds, width, height) {
-    const at = clamp((seconds - this.scene.first / this.scene.fps) / this.scene.track_step, 0, track.length / 8 - 1);
-    const low = Math.floor(at), high = Math.min(low + 1, track.length / 8 - 1), part = at - low, row = [];
-    for (let i = 0; i < 8; i++) row.push(track[8 * low + i] * (1 - part) + track[8 * high + i] * part);
+    const last = track.length / 9 - 1, at = clamp((seconds - this.scene.first / this.scene.fps) / this.scene.track_step, 0, last);
+    const low = Math.floor(at), high = Math.min(low + 1, last), cut = track[9 * low + 8], row = [];
+    const part = cut < 0 ? at - low : at - low < cut ? 0 : 1;
+    for (let i = 0; i < 8; i++) row.push(track[9 * low + i] * (1 - part) + track[9 * high + i] * part);
     // It was planned for a wide picture: a narrow one must see as much from left to right.
     const tall = Math.tan(row[6] / 2) * Math.max(1, WIDE * height / width);
     return new View(row.slice(0, 3), row.slice(3, 6), 2 * Math.atan(tall), row[7], width, height);

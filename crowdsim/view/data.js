@@ -41,7 +41,10 @@ function servedSource() {
     if (!answer.ok) throw Error(`crowdsim: ${await answer.text()}`);
     return new Uint8Array(await answer.arrayBuffer());
   }
-  return { scene: () => get('scene'), block: number => get(`block/${number}`) };
+  return {
+    scene: () => get('scene'), block: number => get(`block/${number}`),
+    camera: number => get(`camera/${number}`).then(inflate).then(bytes => new Float32Array(bytes.buffer)),
+  };
 }
 
 function unpackTables(bytes) {

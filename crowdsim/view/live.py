@@ -427,7 +427,9 @@ def live_recording(played: Played) -> Recording:
         "policies": crowd.cast.policies.tolist(),
         "start": [round(float(crowd.x[0]), 3), round(float(crowd.z[0]), 3)],
     }
-    return replace(recording, more={"live": live})
+    # What a camera of a fight shows follows from all of it.
+    cameras = {name: one for name, one in recording.cameras.items() if not one.slow}
+    return replace(recording, cameras=cameras, more={"live": live})
 
 
 def clips_of(crowd: Crowd, frame: Frame) -> tuple[Array, Array]:

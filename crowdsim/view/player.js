@@ -21,7 +21,7 @@ const POINTING = [
 class Player {
   constructor(recording) {
     const { scene } = recording;
-    Object.assign(this, { recording, scene, playing: false, speed: 1, selected: -1, dirty: true, fine: 0, last: 0, failed: '' });
+    Object.assign(this, { recording, scene, playing: false, speed: 1, selected: -1, dirty: true, fine: 0, last: 0, failed: '', coming: null });
     this.start = scene.first / scene.fps;
     this.end = (scene.first + scene.frames - 1) / scene.fps;
     this.time = this.start;
@@ -92,7 +92,20 @@ class Player {
 
   chooseCamera(choice) {
     if (choice < 0 || choice >= this.camera.choices.length) return;
-    if (['follow', 'eye'].includes(this.camera.choices[choice].kind) && this.selected < 0) this.select(this.firstSeen());
+    const one = this.camera.choices[choice];
+    this.coming = null;
+    if (one.kind === 'track' && !one.track) {
+      this.coming = choice;
+      this.recording.source.camera(choice).then(track => {
+        one.track = track;
+        if (this.coming === choice) this.chooseCamera(choice);
+      }).catch(error => {
+        this.coming = null;
+        this.fail(error);
+      });
+      return;
+    }
+    if (['follow', 'eye'].includes(one.kind) && this.selected < 0) this.select(this.firstSeen());
     this.camera.choose(choice, this.view);
     this.change();
   }
@@ -396,7 +409,7 @@ class Player {
     this.panel.update(this.selected, this.time, moment.before);
     this.timeline.draw(this.time, this.selected);
     element('scrub').value = this.time;
-    element('camera').value = this.camera.choice;
+    element('camera').value = this.coming ?? this.camera.choice;
     element('clock').textContent = `${this.time.toFixed(2)} s, ${scene.kind === 'bvh' ? 'frame' : 'control frame'} ${Math.floor(this.time * scene.rate + 1e-4)}`;
     this.drawn = (this.drawn || 0) + 1;
     document.documentElement.dataset.state = 'shown';

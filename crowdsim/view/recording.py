@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,11 +16,13 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.poses.capsules import swelling_capsules
 from crowdsim.poses.facing import face_direction
-from crowdsim.render.camera import Track, build_track
+from crowdsim.render.camera import build_track
 from crowdsim.render.crowd_path import Crowd
 from crowdsim.render.figure import Figure, dress, figure_segments
 from crowdsim.render.source import PoseSource
-from crowdsim.view.blocks import STEP, pack_block, pack_tables, rotation_bits
+from crowdsim.render.view import View
+from crowdsim.scenario.camera import Camera
+from crowdsim.view.blocks import STEP, deflate, pack_block, pack_tables, rotation_bits
 
 FORMAT, VERSION = "crowdsim-recording", 1
 OUTSIDE = -1_000_000
@@ -31,6 +34,8 @@ _TRACK_STEP, _SIZE = 0.2, (1280, 720)
 _CAMERAS = ("auto", "side", "front", "top", "orbit")
 _FEW = range(2, 5)
 """Numbers of avatars for which ``auto`` is ``fight``, whose plan takes seconds."""
+_TURN = 0.985
+"""Cosine of how far a camera turns from one moment of its track to the next where that may be a cut."""
 
 
 class Motion(Protocol):
@@ -57,6 +62,61 @@ class Motion(Protocol):
         """Return what the player shows beside motion: a document, and tables by name."""
 
 
+class PlannedCamera:
+    """A camera over a recording, which is planned when its track is first asked for.
+
+    Args:
+        source: What it films.
+        camera: The camera, or its kind.
+        crowd: Where those avatars are that are recorded.
+        first: First frame that is recorded.
+        frames: Number of frames.
+        keys: Its keys in a scenario.
+        slow: Whether its plan takes seconds.
+    """
+
+    def __init__(
+        self, source: PoseSource, camera: str | Camera, crowd: Crowd, first: int, frames: int,
+        keys: Mapping[str, Any], slow: bool,
+    ) -> None:  # fmt: skip
+        self._source, self._camera, self._crowd = source, camera, crowd
+        self._first, self._frames = first, frames
+        self.keys, self.slow = keys, slow
+
+    @cached_property
+    def track(self) -> Array:
+        """Eye, direction, field [rad] and haze [m] at every ``_TRACK_STEP``, and the cut before the next one.
+
+        The cut is the share of the time to the next moment that is before it; -1 where there is none. Shape (M, 9).
+        """
+        view = build_track(self._source, self._camera, _SIZE, self._crowd).view
+        step, end = _TRACK_STEP * self._source.fps, self._first + self._frames - 1
+        moments = np.minimum(self._first + np.arange(0.0, self._frames + step, step), end)
+        views = [view(float(moment)) for moment in moments]
+        rows = np.array([[*one.eye, *one.ahead, one.field, one.haze, -1.0] for one in views], np.float32)
+        for row in np.flatnonzero((rows[1:, 3:6] * rows[:-1, 3:6]).sum(axis=1) < _TURN):
+            cut = _find_cut(view, float(moments[row]), float(moments[row + 1]))
+            rows[row, 8] = -1.0 if cut is None else (cut - moments[row]) / step
+        return rows
+
+    def packed(self) -> bytes:
+        """Return the track, packed for a player that asks for it."""
+        return deflate(self.track.tobytes())
+
+
+def _find_cut(view: Callable[[float], View], low: float, high: float) -> float | None:
+    """Return the frame before which a camera cuts between two frames; None where it only turns."""
+
+    def turn(start: float, end: float) -> float:
+        return 1.0 - float(np.dot(view(start).ahead, view(end).ahead))
+
+    whole = turn(low, high)
+    while high - low > 0.1:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if turn(low, middle) > turn(middle, high) else (middle, high)
+    return high if turn(low, high) > 0.5 * whole else None
+
+
 @dataclass(frozen=True)
 class Recording:
     """Motion in blocks.
@@ -72,7 +132,7 @@ class Recording:
 
     motion: Motion
     name: str
-    cameras: Mapping[str, tuple[Array, dict[str, Any]]]
+    cameras: Mapping[str, PlannedCamera]
     block_seconds: float = 5.0
     more: Mapping[str, Any] = field(default_factory=dict)
 
@@ -87,11 +147,15 @@ class Recording:
         """Number of blocks."""
         return -(-self.motion.frames // self.block_frames)
 
-    def scene(self) -> bytes:
-        """Return what the player shows beside motion, packed."""
+    def scene(self, slow: bool = True) -> bytes:
+        """Return what the player shows beside motion, packed.
+
+        Args:
+            slow: Whether tracks of cameras are in it whose plan takes seconds; the player asks for others.
+        """
         motion = self.motion
         document, tables = motion.describe()
-        tracks = {f"camera_{i}": track for i, (track, _) in enumerate(self.cameras.values())}
+        tracks = {f"camera_{i}": one.track for i, one in enumerate(self.cameras.values()) if slow or not one.slow}
         return pack_tables(
             {
                 "format": FORMAT,
@@ -103,7 +167,7 @@ class Recording:
                 "block": self.block_frames,
                 "step": STEP,
                 "track_step": _TRACK_STEP,
-                "cameras": [{"name": name, **keys} for name, (_, keys) in self.cameras.items()],
+                "cameras": [{"name": name, **one.keys} for name, one in self.cameras.items()],
                 **document,
                 **self.more,
             },
@@ -200,8 +264,8 @@ def _flat(values: Array) -> list[float]:
 
 def plan_cameras(
     source: PoseSource, crowd: Crowd, first: int, frames: int, whole: bool
-) -> tuple[dict[str, tuple[Array, dict[str, Any]]], Array]:
-    """Return the cameras that frame the crowd, those of its scenario too, and the direction to the sun.
+) -> tuple[dict[str, PlannedCamera], Array]:
+    """Return the cameras that frame the crowd by name, those of its scenario too, and the direction to the sun.
 
     Args:
         source: The crowd, at the rate of the recording.
@@ -209,25 +273,17 @@ def plan_cameras(
         first: First frame that is recorded.
         frames: Number of frames.
         whole: Whether all avatars are recorded; other cameras are left out where they are not.
-
-    Returns:
-        By name a track, at every ``_TRACK_STEP`` eye, direction, field [rad] and haze [m], shape (M, 8), and the keys
-        of the camera in a scenario.
     """
-    found: dict[str, tuple[Array, dict[str, Any]]] = {}
     few = len(crowd.present) in _FEW
-    names = [name for name in _CAMERAS if name != "auto" or (whole and not few)]
-    moments = first + np.arange(0.0, frames + _TRACK_STEP * source.fps, _TRACK_STEP * source.fps)
-    moments = np.minimum(moments, first + frames - 1)
-    tracks: dict[str, tuple[Track, dict[str, Any]]] = {
-        name: (build_track(source, name, _SIZE, crowd), {"kind": name}) for name in names
+    named: dict[str, tuple[str | Camera, dict[str, Any]]] = {
+        name: (name, {"kind": name}) for name in _CAMERAS if whole or name != "auto"
     }
     for name, camera in source.cameras.items() if whole else ():
-        if camera.kind != "fight" and not (camera.kind == "auto" and few):
-            keys = camera.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
-            tracks[name] = build_track(source, camera, _SIZE, crowd), {**keys, "kind": camera.kind}
-    for name, (track, keys) in tracks.items():
-        views = [track.view(float(moment)) for moment in moments]
-        rows = [[*view.eye, *view.ahead, view.field, view.haze] for view in views]
-        found[name] = np.array(rows, np.float32), keys
-    return found, tracks[names[0]][0].sun
+        keys = camera.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+        named[name] = camera, {**keys, "kind": camera.kind}
+    found = {
+        name: PlannedCamera(source, camera, crowd, first, frames, keys, keys["kind"] == "fight" or (
+            few and keys["kind"] == "auto"))
+        for name, (camera, keys) in named.items()
+    }  # fmt: skip
+    return found, build_track(source, "side", _SIZE, crowd).sun

@@ -169,7 +169,17 @@ def build_app(source: Recording | Stage, token: str, host: str, port: int, reaso
 
     def scene(request: Request) -> Response:
         with posing:
-            return Response(recording.scene(), media_type="application/octet-stream")
+            found = recording.scene(slow=False) if isinstance(recording, Recording) else recording.scene()
+        return Response(found, media_type="application/octet-stream")
+
+    def camera(request: Request) -> Response:
+        assert isinstance(recording, Recording)
+        cameras, text = list(recording.cameras.values()), request.path_params["number"]
+        number = int(text) if text.isdecimal() and len(text) < 10 else len(cameras)
+        if number >= len(cameras):
+            return PlainTextResponse(f"camera {text}: expected 0 to {len(cameras) - 1}\n", 404)
+        with posing:
+            return Response(cameras[number].packed(), media_type="application/octet-stream")
 
     def block(request: Request) -> Response:
         assert isinstance(recording, Recording)
@@ -199,12 +209,12 @@ def build_app(source: Recording | Stage, token: str, host: str, port: int, reaso
         elif isinstance(source, Stage):
             await _play(source, socket)
 
-    blocks = Route("/{token}/block/{number}", checked(block))
+    of_recording = [Route(f"/{{token}}/{one.__name__}/{{number}}", checked(one)) for one in (block, camera)]
     routes = [
         Route("/{token}/", checked(show)),
         Route("/{token}/scene", checked(scene)),
         *(Route(f"/{{token}}/{what}/{{avatar}}/{{frame}}", checked(partial(why, what))) for what in ("why", "values")),
-        WebSocketRoute("/{token}/live", live) if isinstance(source, Stage) else blocks,
+        *([WebSocketRoute("/{token}/live", live)] if isinstance(source, Stage) else of_recording),
         Route("/{path:path}", checked(other)),
         WebSocketRoute("/{path:path}", _refuse),
     ]

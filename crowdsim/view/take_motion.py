@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from crowdsim.body.looks import usual_build
-from crowdsim.body.palette import avatar_paints, skin_paints, team_colour
+from crowdsim.body.looks import build_of
+from crowdsim.body.palette import avatar_paints, capsule_paints, skin_paints, team_colour
 from crowdsim.body.parts import SKIN_PARTS
 from crowdsim.body.skin import Skin, build_skin_of
 from crowdsim.core.types import Array
@@ -175,7 +175,8 @@ class TakeMotion:
         take, cast, numbers = self.take, self.take.cast, self.numbers
         teams = np.asarray(cast.teams, int)
         paints = avatar_paints(teams, np.asarray(cast.colours, float)[cast.types])[numbers]
-        shades = np.rint(255.0 * np.clip(np.concatenate([np.sqrt(paints[..., :3]), paints[..., 3:]], -1), 0.0, 1.0))
+        worn = capsule_paints(paints, cast.bare[numbers])
+        shades = np.rint(255.0 * np.clip(np.concatenate([np.sqrt(worn[..., :3]), worn[..., 3:]], -1), 0.0, 1.0))
         full = np.array([self._health.get(name, 0.0) for name in cast.type_names], np.float32)[cast.types[numbers]]
         _, order = np.unique(teams, return_inverse=True)
         colours = {int(team): team_colour(int(at)) for team, at in zip(teams, order, strict=True)}
@@ -273,7 +274,7 @@ class TakeMotion:
             for column in np.flatnonzero(cast.policies[self.numbers] == policy).tolist():
                 avatar = int(self.numbers[column])
                 girth = float(cast.girths[avatar])
-                build = usual_build(girth)
+                build = build_of(cast, avatar)
                 if build not in skins:
                     skin = build_skin_of(database, build, _COARSENESS)
                     skins[build] = len(skins), skin

@@ -20,6 +20,8 @@ from crowdsim.body.skin import build_skin_of, pose_skins
 from crowdsim.bvh.io import write_bvh
 from crowdsim.performer.session import perform
 from crowdsim.poses.attachments import place_attachments
+from crowdsim.render.camera import build_track
+from crowdsim.render.take_source import TakeSource
 from crowdsim.scenario.camera_files import camera_in_file
 from crowdsim.view.server import open_server
 
@@ -439,6 +441,16 @@ def test_a_served_page_shows_itself_and_asks_its_server_alone(browser, run) -> N
     assert browser.console == []
     assert all(request.startswith(server.address) for request in browser.requests)
     assert f"{server.address}block/1" in browser.requests
+    # The camera of the fight comes when it is chosen, and is where pictures have it.
+    shown = "crowdsimPlayer.camera.choices[crowdsimPlayer.camera.choice].name"
+    assert browser.evaluate(shown) == "side"
+    browser.evaluate("crowdsimPlayer.chooseCamera(0)")
+    browser.wait(f"{shown} === 'auto'")
+    browser.settle()
+    opened = library.open_run(run)
+    view = build_track(TakeSource(opened, opened.policies, 60.0), "auto", (1280, 720)).view(96.0)
+    np.testing.assert_allclose(browser.evaluate("[...crowdsimPlayer.view.eye]"), view.eye, atol=0.01)
+    assert browser.console == []
     running.should_exit = True
     thread.join(60)
     browser.evaluate("crowdsimPlayer.recording.blocks.clear(); crowdsimPlayer.seek(0.2)")

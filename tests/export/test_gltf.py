@@ -198,6 +198,22 @@ def test_types_are_told_apart_by_their_shorts(sampler: PoseSampler, tmp_path: Pa
     assert striped == {"red_0 skin": False, "red_1 skin": False, "late_0 skin": True}
 
 
+def test_types_have_bodies_of_their_sex_and_with_their_hands(sampler: PoseSampler, tmp_path: Path) -> None:
+    bodies = (("female", "bare"), ("male", "gloves"))
+    take = replace(sampler.take, cast=replace(sampler.take.cast, bodies=bodies))
+    (path,) = write_gltf(PoseSampler(take, sampler.policies), tmp_path / "crowd.glb", fps=30, frames=(0, 60))
+    gltf = Scene(path).gltf
+    assert [node.extras["sex"] for node in gltf.nodes if node.extras] == ["female", "female", "male"]
+    parts = {
+        node.name: {gltf.materials[one.material].name for one in gltf.meshes[node.mesh].primitives}
+        for node in gltf.nodes
+        if node.skin is not None
+    }
+    assert [{"top", "gloves"} & parts[f"{name} skin"] for name in ("red_0", "red_1", "late_0")] == [
+        {"top"}, {"top"}, {"gloves"},
+    ]  # fmt: skip
+
+
 def test_extras_say_what_strikes_have_taken_from_health(sampler: PoseSampler, tmp_path: Path) -> None:
     take = sampler.take
     count = len(take.events.frame)

@@ -354,6 +354,7 @@ ATTRIBUTES = {
     "type_names": ([], "type_names: has 0 items, expected at least 1"),
     "policy_fingerprints": ([], "policy_fingerprints: has 0 items, expected 1, one a policy"),
     "type_colours": ([[2.0, 0.0, 0.0]], "type_colours[0][0]: is 2.0, expected a number from 0.0 to 1.0"),
+    "type_bodies": ([{"sex": "male", "hands": "paws"}], "type_bodies[0].hands: is 'paws', expected 'gloves' or 'bare'"),
     "target_names": ("ball", "target_names: is 'ball', expected a list"),
     "seed": ("x", "seed: is 'x', expected a whole number"),
 }

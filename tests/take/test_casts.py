@@ -1,6 +1,7 @@
 """What takes record of each avatar: build, temperament and stance."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,9 @@ import zarr
 from take.test_store import AVATARS, CAST, write
 
 from crowdsim.errors import TakeError
+from crowdsim.take.header import TakeHeader
 from crowdsim.take.layout import LATER_CAST
-from crowdsim.take.store import open_take
+from crowdsim.take.store import TakeWriter, open_take
 
 
 def test_stances_have_their_meanings_in_xarray(tmp_path: Path) -> None:
@@ -33,6 +35,17 @@ def test_avatars_of_older_takes_are_of_the_usual_build_and_temperament(tmp_path:
         assert values.tolist() == [usual] * AVATARS
     np.testing.assert_array_equal(cast.widths, cast.scales)
     assert (cast.stretches == 1.0).all()
+
+
+def test_bodies_of_types_are_those_of_the_take(tmp_path: Path) -> None:
+    for name, bodies in (("usual", (("male", "gloves"),)), ("other", (("female", "bare"),))):
+        header = TakeHeader(replace(CAST, bodies=bodies), 15.0, "test", 3, ("abc",), ("ball",))
+        TakeWriter(tmp_path / name / "take.zarr", header, 6).open().close()
+        cast = open_take(tmp_path / name).cast
+        assert cast.bodies == bodies
+        np.testing.assert_array_equal(cast.bare, [name == "other"] * AVATARS)
+    # Takes without other bodies are as they were before types had any.
+    assert "type_bodies" not in zarr.open_group(str(tmp_path / "usual" / "take.zarr"), mode="r").attrs
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,7 @@ def test_people_of_a_folder_stand_side_by_side_for_as_long_as_each_lasts(folder)
 
 def test_cameras_frame_whoever_is_there(folder, tmp_path) -> None:
     recording, _ = record_bvh(folder)
-    track = recording.cameras["side"][0]
+    track = recording.cameras["side"].track
     assert np.isfinite(track).all()
     (_, joints) = read(recording)[1]
 

@@ -76,7 +76,18 @@ def test_page_scene_and_blocks_are_served(address) -> None:
     assert (beyond.status, beyond.body) == (404, b"block 3: expected 0 to 2\n")
 
 
-@pytest.mark.parametrize("path", ["", "scene", "block/0"])
+def test_cameras_that_take_long_to_plan_are_served_when_they_are_chosen(address, run) -> None:
+    scene = unpack_scene(Answer(address, "scene").body)
+    assert scene["cameras"][0] == {"name": "auto", "kind": "auto"}
+    assert "camera_0" not in scene["tables"]
+    camera = Answer(address, "camera/0")
+    whole = unpack_scene(library.open_run(run).recording(fps=30.0).scene())["tables"]["camera_0"]
+    assert zlib.decompress(camera.body) == whole.tobytes()
+    beyond = Answer(address, "camera/5")
+    assert (beyond.status, beyond.body) == (404, b"camera 5: expected 0 to 4\n")
+
+
+@pytest.mark.parametrize("path", ["", "scene", "block/0", "camera/0"])
 def test_requests_that_are_not_of_the_page_itself_are_refused(address, path) -> None:
     place = address.split("/")[2]
     port = place.split(":")[1]

@@ -1,6 +1,7 @@
 """What the player shows of a run is what the run has."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,12 +11,14 @@ from scenes import write_scene
 import crowdsim
 from crowdsim.body.parts import SKIN_PARTS
 from crowdsim.errors import CrowdsimError, TakeError
+from crowdsim.motion.body import PARTS
+from crowdsim.render.camera import build_track
 from crowdsim.render.stage import build_stage
 from crowdsim.render.take_source import TakeSource
 from crowdsim.scenario.cameras import KINDS
 from crowdsim.scenario.heals import find_heals
 from crowdsim.view.page import check_size
-from crowdsim.view.recording import OUTSIDE
+from crowdsim.view.recording import OUTSIDE, PlannedCamera
 
 LATE = {
     "name": "late", "team": "blue", "type": "boxer", "count": 1, "waits": True,
@@ -140,6 +143,19 @@ def test_shorts_are_those_of_pictures(workplace) -> None:
     assert [one == plain for one, plain in zip(hems, shorts, strict=True)] == [False, True]
 
 
+def test_bodies_are_of_the_sex_and_with_the_hands_of_their_types(run) -> None:
+    skin, glove = PARTS.index("skin"), PARTS.index("glove")
+    usual = unpack_scene(run.recording().scene())
+    other = unpack_scene(replace(run, cast=replace(run.cast, bodies=(("female", "bare"),))).recording().scene())
+    gloves, bare = (one["tables"]["paint"].reshape(-1, 7, 4) for one in (usual, other))
+    assert (gloves[:, glove] != gloves[:, skin]).any(axis=-1).all()
+    np.testing.assert_array_equal(bare[:, glove], gloves[:, skin])
+    np.testing.assert_array_equal(np.delete(bare, glove, axis=1), np.delete(gloves, glove, axis=1))
+    ends = [np.diff(one["figures"][0]["skins"][0]["ends"], prepend=0) for one in (usual, other)]
+    for part, there in (("top", [0, 1]), ("gloves", [1, 0]), ("skin", [1, 1])):
+        assert [int(count[SKIN_PARTS.index(part)] > 0) for count in ends] == there
+
+
 def test_actions_and_opponents_are_those_of_every_control_frame(run) -> None:
     scene = unpack_scene(run.recording().scene())
     tables = scene["tables"]
@@ -166,18 +182,53 @@ def test_actions_and_opponents_are_those_of_every_control_frame(run) -> None:
 
 
 def test_cameras_are_where_pictures_have_them(run) -> None:
-    from crowdsim.render.camera import build_track
-    from crowdsim.render.take_source import TakeSource
-
     scene = unpack_scene(run.recording(fps=30.0).scene())
     source = TakeSource(run, run.policies, 30.0)
     assert [camera["name"] for camera in scene["cameras"]][:4] == ["auto", "side", "front", "top"]
     for i, camera in enumerate(scene["cameras"]):
-        track = scene["tables"][f"camera_{i}"].reshape(-1, 8)
+        track = scene["tables"][f"camera_{i}"].reshape(-1, 9)
         view = build_track(source, camera["name"], (1280, 720)).view(60.0)
         np.testing.assert_allclose(track[10, :3], view.eye, atol=1e-3)
         np.testing.assert_allclose(track[10, 3:6], view.ahead, atol=1e-3)
         assert camera["kind"] in KINDS
+
+
+def test_a_camera_of_a_fight_cuts_between_the_moments_of_its_track_as_in_pictures(run) -> None:
+    # Seen from behind the one or the other in turn.
+    cuts, fps = (2.17, 4.5), 30.0
+    source = SimpleNamespace(fps=fps)
+    ways = np.array([[0.0, 0.0, 1.0], [0.9, 0.0, 0.1], [0.0, 0.0, -1.0]])
+
+    def view(frame: float) -> SimpleNamespace:
+        turned = ways[np.searchsorted(cuts, frame / fps, side="right")] + [0.0, 0.0, 0.01 * frame / fps]
+        return SimpleNamespace(eye=-turned, ahead=turned / np.linalg.norm(turned), field=0.6, haze=34.0)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("crowdsim.view.recording.build_track", lambda *_: SimpleNamespace(view=view))
+        track = PlannedCamera(source, "fight", None, 15, 150, {"kind": "fight"}, True).track
+    moments = 0.5 + 0.2 * np.arange(len(track))
+    rows = np.flatnonzero(track[:, 8] >= 0.0)
+    np.testing.assert_allclose(moments[rows] + 0.2 * track[rows, 8], cuts, atol=0.1 / fps)
+
+
+def test_few_avatars_have_the_camera_of_a_fight(run, workplace) -> None:
+    path = write_scene(workplace / "duel.yaml", duration=60)
+    few = crowdsim.run(crowdsim.load_scenario(path))
+    own = KINDS["fight"].model_validate({"kind": "fight", "avatars": [0, 2], "elevation": 20})
+    recording = replace(few, cameras={"pair": own}).recording(fps=30.0)
+    assert [name for name, one in recording.cameras.items() if one.slow] == ["auto", "pair"]
+    scene, quick = unpack_scene(recording.scene()), unpack_scene(recording.scene(slow=False))
+    assert [camera["name"] for camera in scene["cameras"]] == ["auto", "side", "front", "top", "orbit", "pair"]
+    assert quick["cameras"] == scene["cameras"]
+    assert set(scene["tables"]) - set(quick["tables"]) == {"camera_0", "camera_5"}
+    source = TakeSource(few, few.policies, 30.0)
+    for number, chosen in ((0, "auto"), (5, own)):
+        track, view = scene["tables"][f"camera_{number}"].reshape(-1, 9), build_track(source, chosen, (1280, 720)).view
+        for row in (0, 7, 15):
+            np.testing.assert_allclose(track[row, :3], view(6.0 * row).eye, atol=1e-4)
+            np.testing.assert_allclose(track[row, 3:6], view(6.0 * row).ahead, atol=1e-4)
+    assert not any(one.slow for one in run.recording().cameras.values())
+    assert "auto" not in few.recording([0, 2]).cameras
 
 
 def test_avatars_that_are_not_there_are_refused(run) -> None:
