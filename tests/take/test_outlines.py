@@ -61,7 +61,8 @@ def test_fists_leave_capsules_as_far_as_they_still_touch_what_counts_as_hit(seed
 
 
 def test_wrists_behind_fists_leave_capsules_too_and_fists_still_touch() -> None:
-    alone, along = [], []
+    alone: list[np.ndarray] = []
+    along: list[np.ndarray] = []
     for seed in range(5):
         points, bodies, outline = points_on_bodies(seed)
         wrists = np.random.default_rng(seed).normal(size=(COUNT, 3)) * 0.08
