@@ -115,7 +115,14 @@ def body_points(body: Body, positions: Array, rotations: Array, scales: Array) -
 
 
 def find_surfaces(
-    take: TakeData, near: Landed, fists: Array, shoulders: Array, pose_at: PoseAt, target: TargetBody, shown: bool
+    take: TakeData,
+    near: Landed,
+    fists: Array,
+    shoulders: Array,
+    pose_at: PoseAt,
+    target: TargetBody,
+    shown: bool,
+    wrists: Array | None = None,
 ) -> Array:
     """Return the nearest points on what is hit, of blocked strikes those on the arm that is in the way. Shape (E, 3).
 
@@ -129,8 +136,10 @@ def find_surfaces(
         pose_at: Poses those who are hit.
         target: The body of scripted targets.
         shown: Whether the points lie outside of bodies as pictures show them.
+        wrists: Positions of the wrists behind fists, which then stay out of bodies, too [m]. Shape (E, 3).
     """
     points = np.full((len(near.times), 3), np.nan)
+    behind = np.zeros_like(fists) if wrists is None else wrists - fists
     people = np.flatnonzero(near.victims >= 0)
     for which, body, scales, positions, rotations in pose_at(near.victims[people], near.times[people]):
         chosen, numbers = people[which], near.victims[people[which]]
@@ -141,7 +150,7 @@ def find_surfaces(
         if shown:
             build = scales, take.cast.girths[numbers], take.cast.stretches[numbers]
             bodies = PosedBodies(body, np.arange(len(which)), *build, positions[None], rotations[None])
-            points[chosen] = leave_capsules(points[chosen], bodies, outline)
+            points[chosen] = leave_capsules(points[chosen], behind[chosen], bodies, outline)
         # A fist that misses is left alone where it is in no body.
         gaps = posed_distance(fists[chosen], *outline)
         free = chosen[near.missed[chosen] & (gaps >= 0.0)]

@@ -11,7 +11,9 @@ from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules
 
 GIVES = 0.012
 """How far outside a head, or any capsule of a trunk, the middle of a fist stays, which is thicker than that [m]."""
-_ROUNDS = 3
+WRIST_IN = 0.01
+"""How deep the wrist behind a fist may be in them [m]."""
+_ROUNDS = 12
 """Times that a point goes out of the capsules, and back where that took it too far."""
 
 
@@ -33,13 +35,15 @@ class Outline(NamedTuple):
     torso_radius: Array
 
 
-def leave_capsules(points: Array, bodies: PosedBodies, outline: Outline) -> Array:
+def leave_capsules(points: Array, wrists: Array, bodies: PosedBodies, outline: Outline) -> Array:
     """Return points that are moved out of the capsules of trunk and head, to ``GIVES`` outside of them.
 
-    None ends further than ``GIVES`` from what counts as hit, even if that leaves it inside a capsule.
+    The wrist behind each goes along, and is no deeper in them than ``WRIST_IN``. No point ends further than ``GIVES``
+    from what counts as hit, even if that leaves it or its wrist inside a capsule.
 
     Args:
         points: Points on what counts as hit, one for each body [m]. Shape (n, 3).
+        wrists: Way from each to its wrist [m]; zero without one. Shape (n, 3).
         bodies: The bodies at one time.
         outline: What of them counts as hit.
     """
@@ -48,12 +52,14 @@ def leave_capsules(points: Array, bodies: PosedBodies, outline: Outline) -> Arra
         return points
     squares, rows, found = np.maximum(np.sum(axes * axes, axis=-1), 1e-12), np.arange(len(points)), points
     for _ in range(_ROUNDS):
-        along = np.clip(np.sum((found[:, None] - starts) * axes, axis=-1) / squares, 0.0, 1.0)
-        out = found[:, None] - starts - along[..., None] * axes
+        both = np.stack([found, found + wrists], axis=1)[:, :, None]
+        along = np.clip(np.sum((both - starts[:, None]) * axes[:, None], axis=-1) / squares[:, None], 0.0, 1.0)
+        out = both - starts[:, None] - along[..., None] * axes[:, None]
         far = np.linalg.norm(out, axis=-1)
-        depths = radii[..., 0] + along * (radii[..., 1] - radii[..., 0]) - far
-        deepest = rows, np.argmax(depths, axis=1)
-        go = np.maximum(depths[deepest] + GIVES, 0.0) / np.maximum(far[deepest], 1e-9)
+        depths = radii[:, None, :, 0] + along * (radii[..., 1] - radii[..., 0])[:, None] - far
+        depths += np.array([GIVES, -WRIST_IN])[:, None]
+        deepest = rows, *np.divmod(np.argmax(depths.reshape(len(points), -1), axis=1), depths.shape[2])
+        go = np.maximum(depths[deepest], 0.0) / np.maximum(far[deepest], 1e-9)
         found = _bring_back(found + go[:, None] * out[deepest], outline)
     return found
 

@@ -237,7 +237,7 @@ class NearFists(Fists):
             some, rows = near.of(fresh), np.flatnonzero(fresh)
             pose_at = partial(self.poser.joints, through=self.needs[0], hops=part.hops + 1)
             landings = plan_landings(
-                self.poser.take, some, columns, count, pose_at, pose_at, part.window.motion, part.hops == 0
+                self.poser.take, some, columns, count, pose_at, pose_at, part.window.motion, part.hops
             )
             order, _ = by_column(columns[some.attackers], count, some.times)
             for place, row in enumerate(rows[order].tolist()):
@@ -252,7 +252,7 @@ class NearFists(Fists):
     def _joined(self, rows: Sequence[tuple[Array, ...]]) -> list[Array]:
         """Return plans of strikes as arrays; where some are stopped by fewer capsules, NaN fills up."""
         if not rows:
-            return [np.zeros(shape) for shape in ((0, 3), (0, 3), (0, 3, 0, 8), (0, JOINTS, 3), (0, 3))]
+            return [np.zeros(shape) for shape in ((0, 3), (0, 3), (0, 3, 0, 9), (0, JOINTS, 3), (0, 3))]
         most = max(row[2].shape[1] for row in rows)
         stops = [np.pad(row[2], ((0, 0), (0, most - row[2].shape[1]), (0, 0)), constant_values=np.nan) for row in rows]
         shifts, goals, _, rotations, moves = (np.array([row[k] for row in rows]) for k in (0, 1, 1, 3, 4))

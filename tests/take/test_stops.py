@@ -12,14 +12,17 @@ from take.test_poses import duel
 from crowdsim.policy.rewards import posed_distance
 from crowdsim.poses.contacts import body_points
 from crowdsim.poses.kernels import fists
-from crowdsim.poses.kernels.fists import _ROUND, MOTION, _stop_fist
+from crowdsim.poses.kernels.fists import _ROUND, MOTION, _stop_point
 from crowdsim.poses.layers import fists as layer
+
+WRIST = 0.03
+"""How much further off wrists have to stay than fists [m]."""
 
 
 def stop(start: tuple[float, ...], end: tuple[float, ...], radius: float, after: float = 0.0) -> np.ndarray:
     """A capsule that moves along x by ``after`` until ``MOTION`` seconds after the strike."""
-    one = np.array([[*start, *end, radius, radius]])
-    way = after * np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    one = np.array([[*start, *end, radius, radius, WRIST]])
+    way = after * np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     return np.stack([one - way, one, one + way])
 
 
@@ -37,7 +40,7 @@ def test_a_fist_in_a_capsule_is_brought_to_its_surface_and_one_outside_stays(see
     capsule = stop(tuple(rng.normal(0.0, 0.1, 3)), tuple(rng.normal(0.0, 0.1, 3)), 0.15)
     fist, shift = rng.normal(0.0, 0.12, 3), np.zeros(3)
     before = depth_of(fist, capsule[1, 0])
-    _stop_fist(fist, capsule, 0.0, 1.0, shift)
+    _stop_point(fist, capsule, 0.0, 0.0, 1.0, shift)
     if before <= 0.0:
         assert not shift.any()
         return
@@ -50,22 +53,32 @@ def test_capsules_move_with_the_body_before_and_after_the_strike() -> None:
     capsule, found = stop((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.1, after=0.2), []
     for moved in (-1.0, 0.0, 0.5, 1.0):
         shift = np.zeros(3)
-        _stop_fist(np.array([0.1 + 0.2 * moved, 0.5, 0.0]) - [0.05, 0.0, 0.0], capsule, moved, 1.0, shift)
+        _stop_point(np.array([0.1 + 0.2 * moved, 0.5, 0.0]) - [0.05, 0.0, 0.0], capsule, 0.0, moved, 1.0, shift)
         found.append(shift[0])
     np.testing.assert_allclose(found, 0.05 * 0.05 / (0.05 + _ROUND), atol=1e-9)
     shift = np.zeros(3)
-    _stop_fist(np.array([0.15, 0.5, 0.0]), capsule, 1.0, 1.0, shift)
+    _stop_point(np.array([0.15, 0.5, 0.0]), capsule, 0.0, 1.0, 1.0, shift)
     assert shift[0] < 0.0
 
 
 def test_a_weight_of_half_goes_half_the_way_and_missing_capsules_stop_nothing() -> None:
     capsule, fist = stop((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.1), np.array([0.04, 0.5, 0.0])
     half, whole, none = np.zeros(3), np.zeros(3), np.zeros(3)
-    _stop_fist(fist, capsule, 0.0, 0.5, half)
-    _stop_fist(fist, capsule, 0.0, 1.0, whole)
-    _stop_fist(fist, np.full_like(capsule, np.nan), 0.0, 1.0, none)
+    _stop_point(fist, capsule, 0.0, 0.0, 0.5, half)
+    _stop_point(fist, capsule, 0.0, 0.0, 1.0, whole)
+    _stop_point(fist, np.full_like(capsule, np.nan), 0.0, 0.0, 1.0, none)
     np.testing.assert_allclose(half, 0.5 * whole)
     assert not none.any()
+
+
+def test_a_wrist_stays_as_much_further_off_as_its_capsule_says() -> None:
+    capsule, wrist = stop((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.1), np.array([0.11, 0.5, 0.0])
+    alone, both = np.zeros(3), np.zeros(3)
+    _stop_point(wrist, capsule, 0.0, 0.0, 1.0, alone)
+    _stop_point(wrist, capsule, 1.0, 0.0, 1.0, both)
+    assert not alone.any()
+    depth = WRIST - 0.01
+    np.testing.assert_allclose(both, [depth * depth / (depth + _ROUND), 0.0, 0.0], atol=1e-9)
 
 
 def deepest(monkeypatch: pytest.MonkeyPatch, stops: bool, gap: float) -> float:

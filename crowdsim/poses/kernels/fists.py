@@ -54,7 +54,7 @@ class Landings(NamedTuple):
         spans: How long before and after it [s]. Shape (E, 2).
         goals: Where that brings the fist [m]. Shape (E, 3).
         stopped: Whether an arm of the victim stops it. Shape (E,), bool.
-        stops: What they do not go into, see ``stops.find_stops``. Shape (E, 3, K, 8) [m].
+        stops: What they do not go into, see ``stops.find_stops``. Shape (E, 3, K, 9) [m].
         rotations: Rotation vectors of the joints that lean then, see ``trunk_assist.Leans``. Shape (E, 4, 3).
         moves: How far the pelvis goes then [m]. Shape (E, 3).
     """
@@ -78,6 +78,7 @@ class Arms(NamedTuple):
         shifts: How far fists are carried [m]. Shape (2, 3).
         weights: Weight of strikes. Shape (2,).
         targets: Positions of the fists before the trunk leans [m]. Shape (2, 3).
+        wrists: Likewise of the wrists. Shape (2, 3).
         ankles: Positions of the ankles [m]. Shape (2, 3).
         lean: Rotation vectors of the joints that lean, and how far the pelvis goes. Shape (5, 3).
     """
@@ -85,6 +86,7 @@ class Arms(NamedTuple):
     shifts: NDArray[np.float64]
     weights: NDArray[np.float64]
     targets: NDArray[np.float64]
+    wrists: NDArray[np.float64]
     ankles: NDArray[np.float64]
     lean: NDArray[np.float64]
 
@@ -138,15 +140,18 @@ def _sum_shifts(landings, n, time, asked):
             hand, stays = landings.hands[strike], min(_STAYS, 0.5 * leaves)
             weight = minimum_jerk((leaves - abs(apart)) / (leaves - stays))
             for _ in range(_OUT):
-                _stop_fist(asked.targets[hand], landings.stops[strike], apart / MOTION, weight, asked.shifts[hand])
+                for points, further in ((asked.targets, 0.0), (asked.wrists, 1.0)):
+                    _stop_point(
+                        points[hand], landings.stops[strike], further, apart / MOTION, weight, asked.shifts[hand]
+                    )
 
 
 @kernel(allocates=False)
-def _stop_fist(fist, stops, moved, weight, shift):
+def _stop_point(fist, stops, further, moved, weight, shift):
     """Add to the shift of a fist what brings it out of the capsule that it is deepest in, by a weight.
 
-    ``moved`` is how far the capsules have gone from where they are at the strike to where they are after it, negative
-    to where they are before it.
+    With ``further`` 1 it is its wrist that is brought out. ``moved`` is how far the capsules have gone from where they
+    are at the strike to where they are after it, negative to where they are before it.
     """
     then = 2 if moved > 0.0 else 0
     deepest, x, y, z, far = -math.inf, 0.0, 0.0, 0.0, 1.0
@@ -162,7 +167,7 @@ def _stop_fist(fist, stops, moved, weight, shift):
         out = _out_of(fist, shift, here, there, abs(moved), along, 0), _out_of(fist, shift, here, there, abs(moved),
               along, 1), _out_of(fist, shift, here, there, abs(moved), along, 2)  # fmt: skip
         distance = math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
-        depth = here[6] + along * (here[7] - here[6]) - distance
+        depth = here[6] + along * (here[7] - here[6]) + further * here[8] - distance
         if depth > deepest:
             deepest, far = depth, max(distance, 1e-6)
             x, y, z = out
@@ -243,14 +248,16 @@ def move_over_feet(legs, sizes, root, pose, world, move, ankles):
 
 
 @kernel(allocates=False)
-def _note_fists(arms, scale, world, targets):
-    """Write the positions of both fists."""
+def _note_fists(arms, scale, world, targets, wrists):
+    """Write the positions of both fists, and of the wrists behind them."""
     for hand in range(2):
         end, o = arms.joints[hand, LOWER], arms.points[hand, 0]
         x, y, z = rotate(world.rotations[end], o[0] * scale, o[1] * scale, o[2] * scale)
         targets[hand, 0] = world.positions[end, 0] + x
         targets[hand, 1] = world.positions[end, 1] + y
         targets[hand, 2] = world.positions[end, 2] + z
+        for k in range(3):
+            wrists[hand, k] = world.positions[end, k]
 
 
 @kernel(inline=True)
@@ -346,7 +353,8 @@ def carry_fists(first, stop, moments, landings, sizes, arms, legs, leaning, with
     """
     joints, times = arms.parents.shape[0], moments.times
     world = World(np.empty((joints, 3)), np.empty((joints, 4)))
-    asked = Arms(np.empty((2, 3)), np.empty(2), np.empty((2, 3)), np.empty((2, 3)), np.empty((JOINTS + 1, 3)))
+    pair = (2, 3)
+    asked = Arms(np.empty(pair), np.empty(2), np.empty(pair), np.empty(pair), np.empty(pair), np.empty((JOINTS + 1, 3)))
     shared = times.shape[1] == 1
     for i in range(first, stop):
         n = moments.columns[i]
@@ -359,7 +367,7 @@ def carry_fists(first, stop, moments, landings, sizes, arms, legs, leaning, with
             strikes = _weigh_strikes(landings, n, time, asked.weights)
             if strikes:
                 pose_chain(arms, sizes[n], root, pose, world)
-                _note_fists(arms, sizes[n, TRUNK], world, asked.targets)
+                _note_fists(arms, sizes[n, TRUNK], world, asked.targets, asked.wrists)
                 _sum_shifts(landings, n, time, asked)
             if leans:
                 _lean_pose(legs, leaning, sizes[n], root, pose, world, asked)

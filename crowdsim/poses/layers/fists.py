@@ -12,6 +12,7 @@ from crowdsim.crowd.record import TakeData
 from crowdsim.motion.strikes import HANDS
 from crowdsim.poses.contacts import PoseAt, body_points, find_surfaces, strikes_near, within
 from crowdsim.poses.hits import SPANS, TOGETHER, Landed, by_column
+from crowdsim.poses.kernels.columns import LOWER, UPPER
 from crowdsim.poses.kernels.fists import ELBOW_LEAST, JOINTS, LEAN, MOTION, Landings, carry_fists
 from crowdsim.poses.kernels.records import Posed
 from crowdsim.poses.layer import Layer, Part
@@ -19,7 +20,7 @@ from crowdsim.poses.motion import PoseMotion
 from crowdsim.poses.stops import find_stops
 from crowdsim.poses.trunk_assist import leaning_joints, plan_leans
 
-MOST = 0.45
+MOST = 0.8
 """Furthest that a fist is carried [m]."""
 SLOWER = 0.3
 """How much longer a fist is on its way that is carried a metre further, before a strike and after it [s]."""
@@ -29,7 +30,7 @@ class Fists(Layer):
     """Carries fists onto what they hit, as that is posed with its own fists."""
 
     name = "fists"
-    size = 0.6
+    size = 0.9
     needs = ("reactions", "fists")
     looks = LEAN + TOGETHER + MOTION, LEAN + TOGETHER + MOTION
     hops = 2
@@ -40,7 +41,7 @@ class Fists(Layer):
         near = strikes_near(poser.landed, part)
         pose_at, struck_at = (partial(poser.joints, through=name, hops=hops) for name in self.needs)
         return plan_landings(poser.take, near.of(np.isin(near.limbs, HANDS)), part.window.columns(),
-                             len(part.window.avatars), pose_at, struck_at, part.window.motion, hops == 1)  # fmt: skip
+                             len(part.window.avatars), pose_at, struck_at, part.window.motion, part.hops)  # fmt: skip
 
     def apply(self, part: Part, poses: Posed) -> None:
         """Carry them there."""
@@ -59,7 +60,7 @@ def plan_landings(
     pose_at: PoseAt,
     struck_at: PoseAt,
     motion: PoseMotion,
-    shown: bool,
+    hops: int,
 ) -> Landings:
     """Find how far fists have to be carried.
 
@@ -71,22 +72,22 @@ def plan_landings(
         pose_at: Poses avatars before any of this.
         struck_at: Poses those who are hit.
         motion: The motion of those in the window.
-        shown: Whether fists stay outside of bodies as pictures show them.
+        hops: How many avatars lie between them and those that are shown.
     """
     arms = motion.arms
-    fists, shoulders = np.full((len(near.times), 3), np.nan), np.full((len(near.times), 3), np.nan)
+    fists, shoulders, wrists = np.full((3, len(near.times), 3), np.nan)
     posed = pose_at(near.attackers, near.times)
     for which, body, scales, positions, rotations in posed:
         rows, hands = np.arange(len(which)), near.hands[which]
         fists[which] = body_points(body, positions, rotations, scales)[3][rows, hands]
-        shoulders[which] = positions[rows, arms.joints[hands, 0]]
-    touched = find_surfaces(take, near, fists, shoulders, struck_at, motion.target, shown)
+        shoulders[which], wrists[which] = (positions[rows, arms.joints[hands, k]] for k in (UPPER, LOWER))
+    touched = find_surfaces(take, near, fists, shoulders, struck_at, motion.target, hops < 2, wrists)
     shifts = touched - fists
     length = np.linalg.norm(shifts, axis=-1, keepdims=True)
     shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))
     shifts = np.where(np.isfinite(shifts), shifts, 0.0)
-    stopped = ~near.blocked & (~near.missed | (shifts != 0.0).any(axis=1)) & shown
-    stops = find_stops(take, near, touched, stopped, pose_at)
+    stopped = ~near.blocked & (~near.missed | (shifts != 0.0).any(axis=1)) & (hops == 0)
+    stops = find_stops(take, near, touched, touched + wrists - fists, stopped, pose_at)
     leans, moves = np.zeros((len(near.times), JOINTS, 3)), np.zeros((len(near.times), 3))
     for which, _, _, positions, rotations in posed:
         leans[which], moves[which] = plan_leans(
