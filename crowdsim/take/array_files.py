@@ -42,7 +42,7 @@ class GrowingArray:
     dtype: np.dtype[Any]
 
     @classmethod
-    def open(cls, take: Path, name: str) -> GrowingArray:
+    def existing(cls, take: Path, name: str) -> GrowingArray:
         """Return an array that is there already.
 
         Raises:

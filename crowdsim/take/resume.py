@@ -144,7 +144,7 @@ def reopen_take(path: Path, partial: Path, names: Sequence[str], state: Mapping[
     remove_plain(partial, [".zmetadata"])
     if is_folder(partial, "time"):
         remove_tree(partial, "time")
-    arrays = {name: GrowingArray.open(partial, name) for name in (*names, *(f"events/{name}" for name in EVENTS))}
+    arrays = {name: GrowingArray.existing(partial, name) for name in (*names, *(f"events/{name}" for name in EVENTS))}
     for name, array in arrays.items():
         _cut(array, int(state["events" if name.startswith("events/") else "frames"]))
     return arrays
