@@ -5,6 +5,7 @@ import os
 import shutil
 import signal
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,22 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 settings.register_profile("ci", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 if os.environ.get("CI") == "true":
     settings.load_profile("ci")
+
+
+NEEDED = ("training", "few float32", "bvh", "pictures", "clouds", "bodies")
+"""What most tests need kernels for."""
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Let kernels that are missing be compiled while test processes wait for one another to train or compile."""
+    workers = getattr(session.config.option, "numprocesses", None)
+    if not isinstance(workers, int) or hasattr(session.config, "workerinput"):
+        return
+    from crowdsim.jit.ahead import compile_ahead
+
+    compiling = ExitStack()
+    compiling.enter_context(compile_ahead(NEEDED, workers))
+    session.config.add_cleanup(compiling.close)
 
 
 @pytest.fixture(scope="session")

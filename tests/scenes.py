@@ -7,9 +7,13 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
+import typer
 import yaml
 
-from crowdsim.cli import main
+from crowdsim import cli
+
+# Made anew, it takes longer than many a command.
+APP = typer.main.get_command(cli.app)
 
 
 def scene(**changes: Any) -> dict[str, Any]:
@@ -39,9 +43,9 @@ def write_scene(path: Path, **changes: Any) -> Path:
 
 def crowdsim(*arguments: str | Path) -> int:
     """Run the command line in this process and return its exit code."""
-    with mock.patch.object(sys, "argv", ["crowdsim", *map(str, arguments)]):
+    with mock.patch.object(sys, "argv", ["crowdsim", *map(str, arguments)]), mock.patch.object(cli, "app", APP):
         try:
-            main()
+            cli.main()
         except SystemExit as leave:
             return int(leave.code or 0)
     return 0

@@ -192,7 +192,7 @@ OTHER_WAYS = {
     "crowdsim/batch/description.py: path.read_bytes": "likewise",
     "crowdsim/batch/running.py: folder.iterdir": "the folder of the batch itself, to see whether it is one",
     "crowdsim/batch/running.py: folder.rmdir": "the folder of the batch itself, where nothing came of it",
-    "crowdsim/batch/report.py: table.map(_harmless).rename": "columns of a table",
+    "crowdsim/batch/report.py: table.map(harmless_cell).rename": "columns of a table",
     "crowdsim/render/parts.py: path.rmdir": "the folder of a video's segments itself, where nothing else is in it",
     "crowdsim/runs/folder.py: folder.iterdir": "the run folder itself, to see whether it is one",
 }

@@ -17,6 +17,7 @@ from crowdsim.batch.documents import read_bytes
 from crowdsim.batch.plan import REPORT, Plan
 from crowdsim.batch.results import is_done, read_result
 from crowdsim.files import exists_plain, make_folder, write_plain, write_text
+from crowdsim.scenario.names import harmless_cell
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -97,16 +98,11 @@ def plain_value(value: Any) -> Any:
 
 def write_table(table: DataFrame, path: Path) -> None:
     """Write a table as CSV, and as Parquet beside it where pyarrow is installed."""
-    write_text(path, table.map(_harmless).rename(columns=_harmless).to_csv(index=False))
+    write_text(path, table.map(harmless_cell).rename(columns=harmless_cell).to_csv(index=False))
     if find_spec("pyarrow") is not None:
         mixed = [name for name in table.columns if table[name].map(type).nunique() > 1 and table[name].dtype == object]
         plain = table.astype({name: "string" for name in mixed})
         write_plain(path.parent, path.with_suffix(".parquet").name, plain.to_parquet(engine="pyarrow"))
-
-
-def _harmless(value: Any) -> Any:
-    """Return a value of which no spreadsheet makes a formula: text that looks like one has a quote before it."""
-    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")) else value
 
 
 def thumbnail_path(folder: Path, id: str) -> Path:

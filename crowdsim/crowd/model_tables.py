@@ -129,7 +129,7 @@ def strike_rows(
         parts.append(np.reshape(columns, (len(columns), len(owners))).T)
     width = max(part.shape[1] for part in parts)
     earnings = np.concatenate([np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts])
-    return records(np.concatenate(strikes), REACH), earnings.astype(np.float32)
+    return records(np.concatenate(strikes), REACH), earnings.astype(np.float32, order="C")
 
 
 def halt_rows(actions: Actions) -> Array:

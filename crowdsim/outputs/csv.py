@@ -17,6 +17,7 @@ from crowdsim.core.types import Array
 from crowdsim.errors import nearest
 from crowdsim.export.avatar_files import AvatarFiles, GrowingFile
 from crowdsim.export.stream import Block
+from crowdsim.scenario.names import harmless_cell
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
@@ -66,7 +67,7 @@ class CsvOutput(AvatarFiles):
         names = self.joints or policy.database.skeleton.names
         known = _joints_of(policy)
         head = io.StringIO()
-        columns = ["frame", "seconds", *(f"{name}_{axis}" for name in names for axis in "xyz")]
+        columns = ["frame", "seconds", *(harmless_cell(f"{name}_{axis}") for name in names for axis in "xyz")]
         csv.writer(head, lineterminator="\n").writerow(columns)
         return _Table(path, head.getvalue().encode(), [known[name] for name in names])
 

@@ -16,7 +16,7 @@ from crowdsim.runs.manifest import checksum
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
 
-_PACKAGES = ("numpy", "numba", "zarr", "numcodecs")
+_PACKAGES = ("numpy", "numba", "numcodecs")
 _SOURCES = (
     "body", "core", "crowd", "export", "jit", "outputs", "places", "policy", "poses", "preparation", "render", "runs",
     "scenario", "take", "view",

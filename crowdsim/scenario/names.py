@@ -1,9 +1,10 @@
-"""Valid names of groups, types and avatars, which are names of files too."""
+"""Valid names of groups, types and avatars, which are names of files too; and what spreadsheets take for a formula."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from typing import Any
 
 NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}"
 """Names in scenarios. They are stems of files too, so nothing in them may lead to another folder."""
@@ -26,6 +27,11 @@ def is_name(text: str) -> bool:
 def is_portable(part: str) -> bool:
     """Whether every system can have a file or folder of this name, Windows included."""
     return _FILE_NAME.fullmatch(part) is not None
+
+
+def harmless_cell(value: Any) -> Any:
+    """Return a value of which no spreadsheet makes a formula: text that looks like one has a quote before it."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")) else value
 
 
 def avatar_name_fault(names: Sequence[str]) -> str:

@@ -84,7 +84,6 @@ _CHUNK_AVATAR_FRAMES = 1 << 18
 _MOST_AVATAR_FRAMES = 4_000_000
 """Most avatar-frames of as many control frames as were chosen for a chunk."""
 EVENTS_A_CHUNK = 32768
-CHUNKS_AT_FIRST = 64
 
 
 def chunk_frames(avatars: int, chosen: int | None = None) -> int:

@@ -166,10 +166,15 @@ def _read_events(folder: Path, sizes: dict[str, int]) -> Events:
 
 
 def _check_names(folder: Path, cast: Cast) -> None:
-    """Refuse names that a scenario could not have: files are called by avatars, and policies are found by name."""
+    """Refuse names that a scenario could not have.
+
+    Files are called by avatars, policies are found by name, and spreadsheets take any text in a table for a formula.
+    """
     fault = avatar_name_fault(list(map(str, cast.names.tolist())))
     if fault:
         raise TakeError(f"{folder}: {fault}")
-    for name in cast.policy_names:
-        if not is_name(str(name)):
-            raise TakeError(f"{folder}: a policy is named {name!r}, expected a name of {NAME_RULE}")
+    named = {"policy": cast.policy_names, "team": cast.team_names, "type": cast.type_names, "group": cast.group_names}
+    for what, names in named.items():
+        for name in names:
+            if not is_name(str(name)):
+                raise TakeError(f"{folder}: a {what} is named {name!r}, expected a name of {NAME_RULE}")

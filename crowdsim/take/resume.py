@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -13,10 +13,11 @@ from crowdsim.array_checks import ArrayFault, Column, Within, check_table
 from crowdsim.core.types import Array
 from crowdsim.crowd.events import VARIABLES, Events
 from crowdsim.errors import TakeError
-from crowdsim.files import entries, exists_plain, is_folder, move_plain, remove_plain, remove_tree, stat_plain
+from crowdsim.files import entries, is_folder, move_plain, remove_plain, remove_tree, stat_plain
+from crowdsim.take.array_files import GrowingArray
 from crowdsim.take.checks import check_rows
 from crowdsim.take.layout import DTYPES, EVENTS
-from crowdsim.take.metadata import ArrayFacts, check_files, read_model
+from crowdsim.take.metadata import check_files
 
 
 class Writing(Protocol):
@@ -28,7 +29,7 @@ class Writing(Protocol):
     events_done: int
     kept: list[dict[str, Array]]
     kept_events: list[Events]
-    group: Any
+    arrays: dict[str, GrowingArray]
 
 
 def read_writer(writer: Writing) -> dict[str, Array]:
@@ -64,8 +65,8 @@ def written_frames(writer: Writing, path: Path, counts: Array) -> Iterator[dict[
     Raises:
         TakeError: They are no frames of these avatars.
     """
-    sizes = {"N": len(counts), "G": writer.group["target"].shape[1] if "target" in writer.names else 0}
-    arrays = {name: writer.group[name] for name in VARIABLES}
+    sizes = {"N": len(counts), "G": writer.arrays["target"].shape[1] if "target" in writer.names else 0}
+    arrays = {name: writer.arrays[name].read() for name in VARIABLES}
     blocks = range(0, writer.done, writer.chunk)
     stored = ({name: array[low : low + writer.chunk] for name, array in arrays.items()} for low in blocks)
     for rows in itertools.chain(stored, writer.kept):
@@ -79,8 +80,8 @@ def written_frames(writer: Writing, path: Path, counts: Array) -> Iterator[dict[
 def written_strikes(writer: Writing) -> tuple[Array, Array]:
     """Return of all strikes that a writer has been handed what became of them, uint8, and whether they knocked down."""
     outcome, down = (
-        np.concatenate([writer.group["events"][name][:], *(getattr(kept, name) for kept in writer.kept_events)])
-        for name in ("outcome", "down")
+        np.concatenate([array.read()[:], *(getattr(kept, name) for kept in writer.kept_events)])
+        for name, array in ((name, writer.arrays[f"events/{name}"]) for name in ("outcome", "down"))
     )
     return outcome, down
 
@@ -95,8 +96,8 @@ def restore_writer(writer: Writing, state: Mapping[str, Array]) -> None:
     if len(state["frames.action"]):
         writer.kept = [{name: state.get(f"frames.{name}", np.zeros((0, 0))) for name in writer.names}]
         for name, rows in writer.kept[0].items():
-            if rows.shape[1:] != writer.group[name].shape[1:]:
-                what = f"has {rows.shape[1:]} values a frame, expected {writer.group[name].shape[1:]}"
+            if rows.shape[1:] != writer.arrays[name].shape[1:]:
+                what = f"has {rows.shape[1:]} values a frame, expected {writer.arrays[name].shape[1:]}"
                 raise ArrayFault(f"frames.{name}", what)
     writer.kept_events = [Events(**{name: state[f"events.{name}"] for name in EVENTS})]
 
@@ -118,7 +119,7 @@ _COUNTS = {"chunk": Column("int64", (), (Within(1, 2**40),)), "frames": _COUNT, 
 _SHAPES: dict[str, tuple[int | str, ...]] = {"point": ("E", 3)}
 
 
-def reopen_take(path: Path, partial: Path, names: Sequence[str], state: Mapping[str, Array]) -> Any:
+def reopen_take(path: Path, partial: Path, names: Sequence[str], state: Mapping[str, Array]) -> dict[str, GrowingArray]:
     """Open an unfinished take, finished ones too, for writing on, without what was written behind a checkpoint.
 
     Args:
@@ -128,14 +129,12 @@ def reopen_take(path: Path, partial: Path, names: Sequence[str], state: Mapping[
         state: What ``read_writer`` returned.
 
     Returns:
-        The open Zarr group.
+        Its arrays that grow, by name.
 
     Raises:
         TakeError: There is no such take, or chunks are missing.
         OSError: It cannot be read or written.
     """
-    import zarr
-
     if not partial.exists():
         if not path.exists():
             raise TakeError(f"{path}: is missing")
@@ -145,31 +144,15 @@ def reopen_take(path: Path, partial: Path, names: Sequence[str], state: Mapping[
     remove_plain(partial, [".zmetadata"])
     if is_folder(partial, "time"):
         remove_tree(partial, "time")
-    # Before another program reads what a stranger may have written.
-    for name in entries(partial):
-        if exists_plain(partial, f"{name}/.zarray"):
-            read_model(partial / name, ".zarray", ArrayFacts)
-    for name in EVENTS:
-        read_model(partial / "events" / name, ".zarray", ArrayFacts)
-    try:
-        group: Any = zarr.open_group(str(partial), mode="r+")
-        arrays = [(partial / name, group[name]) for name in names]
-        events = [(partial / "events" / name, group["events"][name]) for name in EVENTS]
-    except OSError:
-        raise
-    except Exception as error:
-        raise TakeError(f"{path}: cannot be continued: {error}") from None
-    for folder, array in arrays:
-        _cut(folder, array, int(state["frames"]))
-    for folder, array in events:
-        _cut(folder, array, int(state["events"]))
-        array.resize((int(state["events"]), *array.shape[1:]))
-    return group
+    arrays = {name: GrowingArray.existing(partial, name) for name in (*names, *(f"events/{name}" for name in EVENTS))}
+    for name, array in arrays.items():
+        _cut(array, int(state["events" if name.startswith("events/") else "frames"]))
+    return arrays
 
 
-def _cut(folder: Path, array: Any, count: int) -> None:
+def _cut(array: GrowingArray, count: int) -> None:
     """Remove chunks from an entry on; those before must all be there."""
-    size = array.chunks[0]
+    folder, size = array.take / array.name, array.chunks[0]
     if count > array.shape[0] or count % size:
         raise TakeError(f"{folder}: has {array.shape[0]} entries in chunks of {size}, expected {count} or more")
     chunks = [(int(name.split(".")[0]), name) for name in entries(folder) if name[:1].isdecimal()]
@@ -178,3 +161,4 @@ def _cut(folder: Path, array: Any, count: int) -> None:
     left = sum(number < count // size and stat_plain(folder, name).st_size > 0 for number, name in chunks)
     if left != across * (count // size):
         raise TakeError(f"{folder}: holds {left} chunks, expected {across * (count // size)}")
+    array.resize(count)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +13,13 @@ import numpy as np
 
 from crowdsim.core.types import Array, FileName
 from crowdsim.errors import OutputError, TakeError
-from crowdsim.files import UNFINISHED, exists_plain, is_folder, make_folder, move_plain, remove_tree
+from crowdsim.files import UNFINISHED, exists_plain, is_folder, make_folder, move_plain, remove_tree, walk, write_plain
+from crowdsim.take.array_files import GROUP, GrowingArray, write_json
 from crowdsim.take.header import TakeHeader
 from crowdsim.take.layout import (
     AVATARS_A_CHUNK,
     CAST,
     CAST_FLAGS,
-    CHUNKS_AT_FIRST,
     DTYPES,
     EVENT_FLAGS,
     EVENT_LABELS,
@@ -27,7 +28,7 @@ from crowdsim.take.layout import (
     LABELS,
     chunk_frames,
 )
-from crowdsim.take.metadata import check_files
+from crowdsim.take.metadata import check_files, read_metadata
 from crowdsim.take.reading import read_take
 from crowdsim.take.resume import check_writer, read_writer, reopen_take, restore_writer
 from crowdsim.take.take import VARIABLES, Cast, Events, Take
@@ -47,7 +48,7 @@ class TakeWriter:
         chunk: Control frames in a chunk on disk.
         done: Control frames on disk.
         events_done: Strikes on disk.
-        group: The open Zarr group.
+        arrays: What is on disk, by name; strikes as ``events/frame``.
         kept: Frames that wait for a whole chunk, by name; ``kept_events`` likewise.
     """
 
@@ -58,7 +59,8 @@ class TakeWriter:
         self.chunk = chunk_frames(len(header.cast.names), chunk)
         self._frames = frames
         self._header = header
-        self.group: Any = None
+        self._attributes = header.attributes(frames)
+        self.arrays: dict[str, GrowingArray] = {}
         self.done = self.events_done = 0
         self.kept: list[dict[str, Array]] = []
         self.kept_events: list[Events] = []
@@ -69,8 +71,6 @@ class TakeWriter:
         Raises:
             OutputError: The folder cannot be written, or a take is there already.
         """
-        import zarr
-
         with self._writing():
             for taken in (self.path, self._partial):
                 if os.path.lexists(taken) and not anew:
@@ -78,7 +78,6 @@ class TakeWriter:
                 if os.path.lexists(taken):
                     remove_tree(taken.parent, taken.name)
             make_folder(self._partial)
-            self.group = zarr.open_group(str(self._partial), mode="w", **_format_two())
             self._begin()
         return self
 
@@ -97,8 +96,8 @@ class TakeWriter:
             else:
                 self.chunk = int(state["chunk"])
             with self._writing():
-                self.group = reopen_take(self.path, self._partial, self.names, state)
-                self.group.attrs.put(self._header.attributes(self._frames))
+                self.arrays = reopen_take(self.path, self._partial, self.names, state)
+                write_json(self._partial, ".zattrs", self._attributes)
             restore_writer(self, state)
         except ValueError as error:
             raise TakeError(f"{self.path}: cannot be continued: {error}") from None
@@ -116,56 +115,48 @@ class TakeWriter:
 
     def _begin(self) -> None:
         """Write what is constant, and arrays without values."""
-        header = self._header
-        cast, targets = header.cast, len(header.target_names)
+        cast, targets = self._header.cast, len(self._header.target_names)
         chunk, avatars = min(self.chunk, self._frames), len(cast.names)
-        room = min(self._frames, CHUNKS_AT_FIRST * chunk)
-        # All at once: one by one, the metadata would be written to disk for each.
-        self.group.attrs.put(self._header.attributes(self._frames))
+        self.arrays = {}
+        for group, attributes in (("", self._attributes), ("events/", {})):
+            write_json(self._partial, f"{group}.zgroup", GROUP)
+            write_json(self._partial, f"{group}.zattrs", attributes)
         for name in VARIABLES:
             chunks = (chunk, max(1, min(avatars, AVATARS_A_CHUNK)))
-            self._create(self.group, name, (room, avatars), chunks, DTYPES[name], ["frame", "avatar"])
+            self._create(name, (0, avatars), chunks, DTYPES[name], ["frame", "avatar"])
         for name, field in CAST.items():
             values = np.asarray(getattr(cast, field))
             if name == "group" and not cast.group_names:
                 continue
             kind = f"<U{max(1, np.char.str_len(values).max(initial=1))}" if name == "name" else _little(values.dtype)
-            array = self._create(self.group, name, (avatars,), (max(1, avatars),), kind, ["avatar"])
-            array[...] = values.astype(kind)
+            self._create(name, (0,), (max(1, avatars),), kind, ["avatar"], values)
         if targets:
             dimensions = ["frame", "target", "component"]
-            self._create(self.group, "target", (room, targets, 3), (chunk, targets, 3), "<f4", dimensions)
-        events = self.group.create_group("events")
+            self._create("target", (0, targets, 3), (chunk, targets, 3), "<f4", dimensions)
         for name, kind in EVENTS.items():
             more = (3,) if name == "point" else ()
             dimensions = ["event", "component"] if name == "point" else ["event"]
-            self._create(events, name, (0, *more), (EVENTS_A_CHUNK, *more), kind, dimensions)
+            self._create(f"events/{name}", (0, *more), (EVENTS_A_CHUNK, *more), kind, dimensions)
 
     def _create(
         self,
-        group: Any,
         name: str,
         shape: tuple[int, ...],
         chunks: tuple[int, ...],
         dtype: str,
         dimensions: list[str],
-    ) -> Any:
-        import numcodecs
-        import zarr
-
-        codec = numcodecs.Zstd(level=1)
-        units, long_name = (LABELS if group is self.group else EVENT_LABELS)[name]
+        values: Array | None = None,
+    ) -> None:
+        group, _, label = name.rpartition("/")
+        units, long_name = (EVENT_LABELS if group else LABELS)[label]
         attributes: dict[str, Any] = {"_ARRAY_DIMENSIONS": dimensions, "units": units, "long_name": long_name}
-        meanings = (CAST_FLAGS if group is self.group else EVENT_FLAGS).get(name)
+        meanings = (EVENT_FLAGS if group else CAST_FLAGS).get(label)
         if meanings is not None:
             attributes |= {"flag_values": list(range(len(meanings))), "flag_meanings": " ".join(meanings)}
-        # Without a fill value: xarray reads it as the mark of missing values and would turn every 0 and False into NaN.
-        facts: dict[str, Any] = {"shape": shape, "chunks": chunks, "dtype": dtype, "fill_value": None}
-        if hasattr(zarr.Group, "create_array"):
-            return group.create_array(name, compressors=codec, attributes=attributes, **facts)
-        array = group.create_dataset(name, compressor=codec, **facts)
-        array.attrs.put(attributes)
-        return array
+        array = self.arrays[name] = GrowingArray(self._partial, name, shape, chunks, np.dtype(dtype))
+        array.describe(attributes)
+        if values is not None:
+            array.append(values)
 
     def append(self, chunk: dict[str, Array], events: Events, targets: Array | None = None) -> None:
         """Add control frames: an array (n, N) for each of ``VARIABLES``, the strikes thrown, and positions of targets.
@@ -192,7 +183,7 @@ class TakeWriter:
         rest = {}
         for name in self.names:
             joined = np.concatenate([kept[name] for kept in self.kept])
-            self._put(self.group[name], joined[:count])
+            self._put(name, joined[:count])
             rest[name] = joined[count:].copy()
         self.kept = [rest] if ready > count else []
         self.done += count
@@ -206,19 +197,13 @@ class TakeWriter:
         count = ready if whole else ready // EVENTS_A_CHUNK * EVENTS_A_CHUNK
         if count:
             for name in EVENTS:
-                array = self.group["events"][name]
-                first = array.shape[0]
-                array.resize((first + count, *array.shape[1:]))
-                array[first:] = getattr(kept, name)[:count]
+                self.arrays[f"events/{name}"].append(getattr(kept, name)[:count])
             self.events_done += count
         self.kept_events = [Events(**{name: getattr(kept, name)[count:] for name in EVENTS})]
 
-    def _put(self, array: Any, values: Array) -> None:
-        """Write the next frames of an array, which grows by doubling; shrinking it searches its end for chunks."""
-        stop = self.done + len(values)
-        if stop > array.shape[0]:
-            array.resize((min(max(stop, 2 * array.shape[0]), self._frames), *array.shape[1:]))
-        array[self.done : stop] = values
+    def _put(self, name: str, values: Array) -> None:
+        """Write the next frames of an array."""
+        self.arrays[name].append(values)
 
     def close(self, status: str = "done") -> None:
         """Finish the take and give it its final name; ``status`` is ``done`` or ``interrupted``.
@@ -226,39 +211,28 @@ class TakeWriter:
         Raises:
             OutputError: It cannot be written.
         """
-        import zarr
-
         with self._writing():
             self._flush(whole=True)
-            for name in self.names:
-                array = self.group[name]
-                if array.shape[0] > self.done:
-                    array.resize((self.done, *array.shape[1:]))
             time = np.arange(self.done, dtype="<f8") / self._header.control_rate
-            self._create(self.group, "time", time.shape, (max(1, len(time)),), "<f8", ["frame"])[...] = time
-            self.group.attrs["status"] = status
-            zarr.consolidate_metadata(str(self._partial))
+            self._create("time", (0,), (max(1, len(time)),), "<f8", ["frame"], time)
+            write_json(self._partial, ".zattrs", {**self._attributes, "status": status})
+            self._consolidate()
             move_plain(self.path.parent, self._partial.name, self.path.parent, self.path.name)
+
+    def _consolidate(self) -> None:
+        """Write all metadata into one file as well, from which other programs open a take at once."""
+        names = [name for name in walk(self._partial) if name.rpartition("/")[2].startswith(".z")]
+        found = {name: read_metadata(self._partial, name) for name in names}
+        document = {"metadata": found, "zarr_consolidated_format": 1}
+        write_plain(self._partial, ".zmetadata", json.dumps(document))
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
-        """Write every chunk, those of zeros too, and report errors of writing by the take's own name."""
-        import zarr
-
-        # Without it a chunk of zeros looks like one that is lost. Older versions of the library write every chunk.
-        config = getattr(zarr, "config", None)
+        """Report errors of writing by the take's own name."""
         try:
-            with nullcontext() if config is None else config.set({"array.write_empty_chunks": True}):
-                yield
+            yield
         except OSError as error:
             raise OutputError(f"{self.path}: cannot be written: {error.strerror or error}") from None
-
-
-def _format_two() -> dict[str, Any]:
-    """Ask for Zarr's format 2, the only one of older versions of the library."""
-    import zarr
-
-    return {"zarr_format": 2} if hasattr(zarr.Group, "create_array") else {}
 
 
 def _little(dtype: Any) -> str:

@@ -7,6 +7,7 @@ import hashlib
 import os
 import shlex
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 
 from crowdsim.bvh.people import split_person
@@ -106,8 +107,9 @@ def combine(prints: Mapping[str, str]) -> str:
     return _hash(canonical(dict(prints)))
 
 
-def sources_hash(folders: Sequence[str] = SOURCES) -> str:
-    """Return the fingerprint of the code in some folders of the package."""
+@cache
+def sources_hash(folders: tuple[str, ...] = SOURCES) -> str:
+    """Return the fingerprint of the code in some folders of the package, as this process has found it."""
     package = Path(__file__).resolve().parent.parent
     digest = hashlib.sha256()
     for name in folders:

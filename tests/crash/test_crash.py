@@ -27,12 +27,13 @@ OUTPUTS = {
     "take": {"chunk": 8},
     "bvh": {"fps": 30},
     "ply": {"fps": 30, "every": 3, "points": 20},
-    "render": {"fps": 2, "size": [32, 24], "png": True, "mp4": True, "contact_sheet": 2},
+    "render": {"fps": 2, "size": [32, 24], "png": True, "mp4": True, "contact_sheet": 2, "camera": "side"},
 }
 RUN = ["run", "four.yaml", "--threads", "1", "--out", "work"]
 EXTEND = [*RUN, "--extend", "20"]
 EXPORT = ["export", "work", "--bvh", "--ply", "--fps", "24", "--every", "3", "--points", "30", "--threads", "1"]
-RENDER = ["render", "work", "--png", "--mp4", "--contact-sheet", "3", "--size", "40x30", "--fps", "4", "--threads", "1"]
+PICTURES = ["--png", "--mp4", "--contact-sheet", "3", "--size", "40x30", "--fps", "4", "--camera", "side"]
+RENDER = ["render", "work", *PICTURES, "--threads", "1"]
 TRAIN = ["train", "tiny", "--force", "--threads", "1"]
 
 

@@ -143,6 +143,8 @@ COMMANDS = {
         "16x16",
         "--fps",
         "1",
+        "--camera",
+        "side",
         "--threads",
         "1",
         "-q",

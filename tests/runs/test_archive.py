@@ -38,7 +38,7 @@ def test_an_archive_is_exported_rendered_inspected_and_verified_without_training
     assert json.loads(capsys.readouterr().out) == figures
     assert crowdsim("export", "four.zip", "--bvh", "--ply", "--every", "9", "--out", "after") == 0
     assert tree(place / "after") == tree(place / "before")
-    small = ("--size", "32x24", "--frames", "0:2", "--png")
+    small = ("--size", "32x24", "--frames", "0:2", "--png", "--camera", "side")
     assert crowdsim("render", "four.zip", *small) == 0
     assert {path.name for path in (place / "four" / "frames").iterdir()} == {"000000.png", "000001.png"}
     assert crowdsim("export", "four.zip", "--bvh", "--frames", "0:3") == 0

@@ -42,11 +42,11 @@ def test_without_a_readable_scenario_ground_is_open(workplace: Path) -> None:
 
 
 def test_the_border_is_in_the_pictures_of_render_and_of_run_alike(workplace: Path) -> None:
-    pictures = {"png": True, "mp4": False, "fps": 15, "size": [160, 96], "frames": [0, 1]}
+    pictures = {"png": True, "mp4": False, "fps": 15, "size": [160, 96], "frames": [0, 1], "camera": "side"}
     for name, arena in (("ring", {"kind": "circle", "radius": 1.5}), ("open", {"kind": "none"})):
         write_scene(workplace / f"{name}.yaml", name="four", arena=arena, duration=3, outputs={"render": pictures})
         assert crowdsim("run", f"{name}.yaml", "--out", name, "--quiet") == 0
-        size = ["--size", "160x96", "--fps", "15", "--frames", "0:1"]
+        size = ["--size", "160x96", "--fps", "15", "--frames", "0:1", "--camera", "side"]
         assert crowdsim("render", name, "--png", *size, "--out", f"{name}_again", "--quiet") == 0
     ring, again, free = (
         (workplace / name / "frames" / "000000.png").read_bytes() for name in ("ring", "ring_again", "open")

@@ -25,12 +25,13 @@ from crowdsim.runs.manifest import (
     signed_text,
 )
 
+PICTURE = ("render", "run", "--png", "--size", "32x24", "--frames", "0:1", "--camera", "top")
 COMMANDS = [
     ("verify", "run"),
     ("status", "run"),
     ("inspect", "run"),
     ("export", "run", "--bvh", "--frames", "0:3"),
-    ("render", "run", "--png", "--size", "32x24", "--frames", "0:1"),
+    PICTURE,
     ("inspect", "run", "--plots", "run"),
     ("pack", "run", "-o", "packed.zip"),
     ("run", "four.yaml", "--out", "run"),
@@ -113,7 +114,7 @@ def test_files_outside_are_not_moved_through_links_in_a_stage(place: Path, stage
 def test_a_take_behind_a_link_is_not_read(place: Path, capsys, link: str) -> None:
     shutil.move(place / "run" / "take.zarr", place / "victim" / "take.zarr")
     (place / "run" / link).symlink_to(place / "victim" / ("" if link == RUN else link))
-    for words in (("inspect", "run"), ("export", "run", "--bvh"), ("render", "run", "--frames", "0:1")):
+    for words in (("inspect", "run"), ("export", "run", "--bvh"), PICTURE):
         capsys.readouterr()
         assert crowdsim(*words) == 2
         said = capsys.readouterr().err
@@ -198,7 +199,7 @@ def test_commands_that_read_change_nothing(place: Path) -> None:
 def test_exports_and_pictures_of_a_run_do_not_go_into_another_one(place: Path, capsys) -> None:
     shutil.copytree(place / "run", place / "other")
     before = tree(place / "other"), (place / "other" / NAME).read_bytes()
-    for words in (("export", "run", "--bvh"), ("render", "run", "--png", "--size", "32x24", "--frames", "0:1")):
+    for words in (("export", "run", "--bvh"), PICTURE):
         for force in ((), ("--force",)):
             for out in ("other", "other/more"):
                 capsys.readouterr()
@@ -209,7 +210,10 @@ def test_exports_and_pictures_of_a_run_do_not_go_into_another_one(place: Path, c
 
 OUT = {
     "export": ("export", "run", "--bvh", "--frames", "0:3", "--out", "out"),
-    "render": ("render", "run", "--png", "--contact-sheet", "1", "--size", "32x24", "--frames", "0:1", "--out", "out"),
+    "render": (
+        *("render", "run", "--png", "--contact-sheet", "1", "--size", "32x24", "--frames", "0:1", "--out", "out"),
+        *("--camera", "side"),
+    ),
     "plots": ("inspect", "run", "--plots", "out"),
     "perform": ("perform", "--seconds", "2", "--out", "out"),
 }

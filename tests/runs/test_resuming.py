@@ -22,7 +22,7 @@ OUTPUTS = {
     "take": {"chunk": 8},
     "bvh": {"fps": 30},
     "ply": {"fps": 30, "every": 3, "points": 20},
-    "render": {"fps": 5, "size": [64, 48], "png": True, "mp4": True, "contact_sheet": 2},
+    "render": {"fps": 5, "size": [64, 48], "png": True, "mp4": True, "contact_sheet": 2, "camera": "side"},
 }
 GROUPS = [
     {"name": "red", "team": "red", "type": "boxer", "count": 2,

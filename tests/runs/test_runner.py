@@ -349,7 +349,7 @@ def test_a_floor_plan_of_a_run_is_a_regular_file(workplace: Path, finish) -> Non
 
 
 def test_the_plan_of_a_run_names_all_that_it_writes(workplace: Path, monkeypatch) -> None:
-    pictures = {"fps": 30, "frames": [3, 9], "size": [64, 48], "png": True, "contact_sheet": 2}
+    pictures = {"fps": 30, "frames": [3, 9], "size": [64, 48], "png": True, "contact_sheet": 2, "camera": "side"}
     cloud = {"fps": 20, "frames": [5, 53], "every": 7, "points": 20}
     outputs = {**OUTPUTS, "pcd": cloud, "render": pictures, "profile": {"plots": True}}
     write_scene(workplace / "four.yaml", outputs=outputs)
@@ -369,7 +369,7 @@ def test_all_that_export_and_render_write_into_a_run_is_verified(workplace: Path
     write_scene(workplace / "four.yaml")
     assert crowdsim("run", "four.yaml") == 0
     folder = workplace / "output" / "four"
-    small = ("--size", "64x48", "--frames", "0:4")
+    small = ("--size", "64x48", "--frames", "0:4", "--camera", "side")
     assert crowdsim("export", folder, "--bvh", "--frames", "0:9") == 0
     assert crowdsim("render", folder, *small, "--mp4", "--png", "--contact-sheet", "2") == 0
     assert crowdsim("render", folder, *small, "--png", "--out", folder / "more") == 0
@@ -415,7 +415,8 @@ def test_an_interrupted_rendering_is_distinguished_from_foreign_files(workplace:
     write_scene(workplace / "four.yaml")
     assert crowdsim("run", "four.yaml") == 0
     folder = workplace / "output" / "four"
-    words = ("render", folder, "--size", "64x48", "--frames", "0:6", "--png", "--mp4", "--threads", "1")
+    small = ("--size", "64x48", "--frames", "0:6", "--camera", "side")
+    words = ("render", folder, *small, "--png", "--mp4", "--threads", "1")
     with monkeypatch.context() as patch:
         patch.setattr(batch, "join", lambda *_: signal.raise_signal(signal.SIGINT))
         assert crowdsim(*words) == 130

@@ -15,6 +15,7 @@ from crowdsim.runs import stage
 from crowdsim.runs.manifest import OUTPUTS, read_manifest
 
 FIRST = ("export", "run", "--bvh", "--ply", "--fps", "30", "--every", "3", "--points", "20", "--threads", "1")
+PICTURE = ("--contact-sheet", "1", "--size", "32x24", "--frames", "0:1", "--camera", "side")
 SECOND = (*FIRST[:5], "60", "--every", "7", "--points", "30", "--threads", "1")
 
 
@@ -103,7 +104,7 @@ def test_an_export_that_stopped_while_files_were_moved_is_seen_whole_and_complet
     for words in (("verify", exported), ("inspect", exported), ("status", exported)):
         assert crowdsim(*words) == 0, capsys.readouterr().err
     assert tree(exported) == before
-    assert crowdsim("render", exported, "--contact-sheet", "1", "--size", "32x24", "--frames", "0:1") == 0
+    assert crowdsim("render", exported, *PICTURE) == 0
     assert crowdsim("verify", exported) == 0
     result = {name: text for name, text in tree(exported).items() if name in names_of(exported)}
     assert result == tree_of(exported.parent / "elsewhere")
@@ -111,7 +112,7 @@ def test_an_export_that_stopped_while_files_were_moved_is_seen_whole_and_complet
 
 
 def test_a_hidden_folder_of_a_run_keeps_its_name(exported: Path) -> None:
-    picture = ("render", exported, "--contact-sheet", "1", "--size", "32x24", "--frames", "0:1", "-q")
+    picture = ("render", exported, *PICTURE, "-q")
     before = set(tree(exported))
     assert crowdsim(*picture, "--out", exported / ".pics") == 0
     written = {name for name in set(tree(exported)) - before if not name.endswith(".json")}
@@ -140,7 +141,7 @@ def test_what_is_left_of_a_stage_goes_with_the_next_command(exported: Path, held
     for words in (
         FIRST,
         ("run", "four.yaml", "--out", "run"),
-        ("render", "run", "--png", "--size", "32x24", "--frames", "0:1"),
+        ("render", "run", "--png", "--size", "32x24", "--frames", "0:1", "--camera", "side"),
     ):
         for name in stage.STAGES:
             (exported / name).mkdir()

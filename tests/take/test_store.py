@@ -297,6 +297,17 @@ def test_policy_names_that_lead_elsewhere_are_refused(tmp_path: Path) -> None:
         open_take(tmp_path)
 
 
+@pytest.mark.parametrize("kind", ["team", "type", "group"])
+def test_names_that_a_spreadsheet_would_compute_are_refused(tmp_path: Path, kind: str) -> None:
+    named = {f"{kind}_names": ("=1+1", *getattr(CAST, f"{kind}_names")[1:])}
+    cast = replace(CAST, **named)
+    writer = TakeWriter(tmp_path / "take.zarr", TakeHeader(cast, 15.0, "test", 3, ("abc",)), 1).open()
+    writer.append(chunk(0, 1), events(), None)
+    writer.close()
+    with pytest.raises(TakeError, match=rf"take\.zarr: a {kind} is named '=1\+1', expected a name of letters"):
+        open_take(tmp_path)
+
+
 def test_links_and_pipes_in_a_take_are_refused_and_not_opened(tmp_path: Path) -> None:
     write(tmp_path / "take.zarr", [4]).close()
     part = tmp_path / "take.zarr" / "x" / "0.0"
