@@ -45,6 +45,11 @@ def in_metres(bvh: Bvh) -> Bvh:
     return with_path(small, 0, 0.01 * path_of(bvh, 0))
 
 
+def bones_in_inches(bvh: Bvh) -> Bvh:
+    """Write bones in inches, and the root's positions in centimetres as before."""
+    return replace(bvh, offsets=bvh.offsets / 2.54, end_offsets=bvh.end_offsets / 2.54)
+
+
 def root_exchanged(bvh: Bvh) -> Bvh:
     """Write the root's path with z up and all else with y up."""
     path = path_of(bvh, 0)
@@ -138,6 +143,25 @@ def angles_in(factor: float) -> Change:
     return change
 
 
+def joints_in_radians(bvh: Bvh) -> Bvh:
+    """Write angles of all joints but the root in radians."""
+    motion, columns = bvh.motion.copy(), rotation_columns(bvh)
+    motion[:, columns[columns >= bvh.first_channels()[1]]] *= np.pi / 180.0
+    return replace(bvh, motion=motion)
+
+
+def rows_twice(bvh: Bvh) -> Bvh:
+    """Write every row twice, at twice the rate."""
+    return _with_rows(rate_of(2.0 * bvh.fps)(bvh), np.repeat(bvh.motion, 2, axis=0))
+
+
+def frozen_middle(bvh: Bvh) -> Bvh:
+    """Hold a frame in the middle of the clip for half a second."""
+    motion, middle = bvh.motion.copy(), bvh.frame_count // 2
+    motion[middle : middle + round(0.5 * bvh.fps)] = motion[middle]
+    return replace(bvh, motion=motion)
+
+
 def named_in(order: str) -> Change:
     """Name the rotation channels of all joints in another order than that in which their numbers are."""
 
@@ -211,6 +235,8 @@ FAULTS: dict[str, tuple[str, Change]] = {
     "frame rate 4 times too low": ("time_base", lambda bvh: rate_of(0.25 * bvh.fps)(bvh)),
     "root in m, bones in cm": ("root_path", root_scaled(0.01)),
     "root in mm, bones in cm": ("root_path", root_scaled(10.0)),
+    "root in inches, bones in cm": ("root_path", root_scaled(1.0 / 2.54)),
+    "root in cm, bones in inches": ("root_path", bones_in_inches),
     "root in inches, bones in m": ("root_path", lambda bvh: root_scaled(39.37)(in_metres(bvh))),
     "root with z up, bones with y up": ("root_path", root_exchanged),
     "root as displacements of each frame": ("root_path", root_displacements),
@@ -220,9 +246,11 @@ FAULTS: dict[str, tuple[str, Change]] = {
     "root held for 5 frames": ("root_held", root_held),
     "root does not travel": ("in_place", in_place),
     "left-handed": ("handedness", left_handed),
+    "tilted by 10 degrees": ("tilt", tilted(10.0, 2.8)),
     "tilted by 12 degrees": ("tilt", tilted(12.0, 0.4)),
     "tilted by 25 degrees": ("tilt", tilted(25.0, 2.0)),
     "angles in radians": ("angles", angles_in(np.pi / 180.0)),
+    "angles of all joints but the root in radians": ("angles", joints_in_radians),
     "angles in turns": ("angles", angles_in(1.0 / 360.0)),
     "angles converted twice": ("angles", angles_in(180.0 / np.pi)),
     "angles in the opposite sense": ("rotations", angles_in(-1.0)),
@@ -230,6 +258,8 @@ FAULTS: dict[str, tuple[str, Change]] = {
     "rotations named in the order XYZ": ("rotations", named_in("XYZ")),
     "root's positions and rotations exchanged": ("rotations", rotations_first),
     **{f"positions are {name}": ("channels", positions_of_all(places)) for name, places in _CHANNELS.items()},
+    "every row twice": ("repeats", rows_twice),
+    "frozen for half a second": ("repeats", frozen_middle),
     "a frozen second at the start": ("ends", frozen_lead),
     "10 rows of zeros at the start": ("ends", zeros_at_the_start),
     "10 rows of zeros at the end": ("ends", zeros_at_the_end),

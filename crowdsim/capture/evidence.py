@@ -29,6 +29,12 @@ _TRUE = (0.3, 2.5)
 """Bounds of ``Evidence.ratio`` over the ground, for a root in the unit of the bones."""
 _FLIGHT, _SAG = 6, 0.02
 """Frames that a flight has, at the least, and how much its path departs from a straight line [m]."""
+_STANDS, _SWINGS = 0.25, 1.0
+"""Speeds, as shares of the trunk's, of a foot that bears a body alone, at the most, and of the other, at the least."""
+_CALM = 3.0
+"""Width of the smoothing of these speeds, in frames."""
+_STANCE, _LEAVES, _STANCES = 8, 0.1, 4
+"""Frames that a stance on one foot has, how far the trunk goes over it, and number of stances that suffice [m]."""
 _COUNTED = 0.94
 """Share of frames that count, by the speed of the root."""
 SIDES = ("left", "right")
@@ -133,11 +139,10 @@ class Evidence:
 
         None without flights, or where the root does not travel as far as the feet push it: then it shows no gravity.
         """
-        push, travel = (path[self.counted][:, [0, 2]] for path in (self.bearing, self.travel))
-        if not _TRUE[0] * np.sum(travel**2) < np.sum(push * travel) < _TRUE[1] * np.sum(travel**2):
+        if not self._travels:
             return None
         low = self.soles[..., 1].min(axis=1)
-        trunk = 0.5 * (self.at("pelvis") + self.at("chest"))[:, 1]
+        trunk = self._trunk[:, 1]
         floor = float(np.quantile(low, 0.1))
         found = []
         for start, stop in runs(self.inside & (low > floor + _FLIES) & (trunk > floor + _ABOVE)):
@@ -149,6 +154,48 @@ class Evidence:
             if sag > _SAG and np.std(trunk[start:stop] - np.polyval(parts, frames)) < 0.15 * sag:
                 found.append(-2.0 * parts[0] * self.fps**2)
         return float(np.median(found)) if len(found) > 1 else None
+
+    @cached_property
+    def balance(self) -> float | None:
+        """Gravity by how hard the trunk is accelerated while one foot bears it, as that of a pendulum on it [1/s^2].
+
+        A trunk at a distance from the foot below it falls away from it, the slower the lower gravity is. None where
+        there are few such stances, or where the root does not travel as far as the feet push it.
+        """
+        if not self._travels:
+            return None
+        # Smoothed over frames, whatever their time.
+        paths = np.concatenate([self._trunk[:, None], self.soles], axis=1)
+        velocities = self._velocity(self._smooth(paths, _CALM / self.fps))
+        speed, *feet = np.linalg.norm(velocities[..., [0, 2]], axis=-1).T
+        found = []
+        for foot in range(2):
+            alone = (feet[foot] < _STANDS * speed) & (feet[1 - foot] > _SWINGS * speed)
+            for start, stop in runs(self.inside & alone):
+                legs = self._trunk[start:stop] - self.soles[start:stop, foot]
+                level = legs[:, [0, 2]]
+                if stop - start < _STANCE or np.ptp(level, axis=0).max() < _LEAVES:
+                    continue
+                # The second derivative of a cubic through the stance, whatever its time.
+                frames = np.arange(stop - start) - 0.5 * (stop - start - 1)
+                parts = np.polyfit(frames, self._trunk[start:stop][:, [0, 2]], 3)
+                pull = 6.0 * parts[0] * frames[:, None] + 2.0 * parts[1]
+                found.append((np.sum(pull**2), np.sum(level**2), np.sum(legs[:, 1]), stop - start))
+        if len(found) < _STANCES:
+            return None
+        pulls, levels, heights, frames_alone = np.sum(found, axis=0)
+        return float(np.sqrt(pulls / levels) * heights / frames_alone * self.fps**2)
+
+    @cached_property
+    def _trunk(self) -> Array:
+        """Path of the middle of the trunk. Shape (N, 3)."""
+        return np.asarray(0.5 * (self.at("pelvis") + self.at("chest")))
+
+    @cached_property
+    def _travels(self) -> bool:
+        """Whether the root travels about as far as the feet push it."""
+        push, travel = (path[self.counted][:, [0, 2]] for path in (self.bearing, self.travel))
+        return bool(_TRUE[0] * np.sum(travel**2) < np.sum(push * travel) < _TRUE[1] * np.sum(travel**2))
 
     @cached_property
     def counted(self) -> Array:

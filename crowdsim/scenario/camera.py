@@ -119,7 +119,7 @@ class Camera(StrictModel):
 
 
 def avatar_number(avatar: int | str, names: Sequence[str]) -> int:
-    """Return the number of an avatar that is given by number or name.
+    """Return the number of an avatar that is given by number or name; the name of a group of one will do.
 
     Raises:
         CrowdsimError: There is none; the message names the nearest.
@@ -130,6 +130,9 @@ def avatar_number(avatar: int | str, names: Sequence[str]) -> int:
         avatar = int(avatar)
     if isinstance(avatar, int) and 0 <= avatar < len(names):
         return avatar
+    members = [number for number, name in enumerate(names) if name.rpartition("_")[0] == avatar]
+    if len(members) == 1:
+        return members[0]
     known = f"expected a number from 0 to {len(names) - 1}" + (
         f" or a name such as {names[0]!r}{nearest(str(avatar), names)}" if names else ""
     )

@@ -60,13 +60,16 @@ def made_with(made, clip, fault: str) -> Bvh:
 NAMES = (
     "frame time in milliseconds", "frame time in microseconds", "frames per second for a frame time",
     "frame time a thousand times too short", "root in m, bones in cm", "root in mm, bones in cm",
-    "root in inches, bones in m", "root with z up, bones with y up", "root as displacements of each frame",
+    "root in inches, bones in m", "root in inches, bones in cm", "root in cm, bones in inches",
+    "root with z up, bones with y up", "root as displacements of each frame",
     "root steps", "root at the origin for 6 frames", "6 rows of zeros", "root held for 5 frames", "left-handed",
-    "tilted by 12 degrees", "tilted by 25 degrees", "angles in radians", "angles in turns", "angles converted twice",
+    "tilted by 10 degrees", "tilted by 12 degrees", "tilted by 25 degrees", "angles in radians",
+    "angles of all joints but the root in radians", "angles in turns", "angles converted twice",
     "angles in the opposite sense", "rotations named in reverse order", "rotations named in the order XYZ",
     "root's positions and rotations exchanged", "positions are displacements, all zero",
     "positions are displacements of a share of a bone", "positions are offsets in another unit",
     "positions are places in the world", "a frozen second at the start", "10 rows of zeros at the end",
+    "every row twice", "frozen for half a second",
 )  # fmt: skip
 
 
@@ -115,6 +118,28 @@ def test_someone_who_keeps_still_in_a_t_pose_has_no_angles_in_radians(boxer, tmp
     roots = np.repeat(still.root_positions[:1], 300, axis=0) + 0.002 * np.sin(frames / 30.0)[:, None]
     capture = written(tmp_path, from_clip(replace(still, rotations=rotations, root_positions=roots)))
     assert capture.findings == ()
+
+
+@pytest.mark.parametrize("rate", [24.0, 25.0, 40.0])
+def test_motion_that_was_brought_to_a_higher_rate_by_repeating_rows_has_its_own(boxer, tmp_path, rate):
+    source = from_clip(boxer)
+    count = int(boxer.seconds * rate)
+    kept = source.motion[np.round(np.arange(count) * boxer.fps / rate).astype(int)]
+    frames = np.floor(np.arange(int(boxer.seconds * 60.0)) * rate / 60.0).astype(int)
+    capture = written(
+        tmp_path, replace(source, motion=kept[np.minimum(frames, count - 1)], declared_frames=len(frames))
+    )
+    assert [outcome.diagnosis.fault for outcome in capture.diagnoses] == ["repeats"]
+    assert capture.clip.fps == rate
+    assert capture.clip.frame_count == pytest.approx(count, abs=1)
+
+
+def test_rows_that_are_alike_since_a_body_keeps_still_show_no_other_rate(boxer, tmp_path):
+    rotations = boxer.rotations.copy()
+    frames = np.round(40.0 * np.cumsum(0.4 + 0.4 * np.sin(np.arange(boxer.frame_count) / 60.0)) / 40.0).astype(int)
+    frames = np.minimum(frames, boxer.frame_count - 1)
+    slowed = replace(boxer, rotations=rotations[frames], root_positions=boxer.root_positions[frames])
+    assert written(tmp_path, from_clip(slowed)).clip.fps == boxer.fps
 
 
 def test_a_body_in_place_is_not_trained_on_unless_asked_for(made, boxer, tmp_path):

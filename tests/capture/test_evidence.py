@@ -52,6 +52,30 @@ def test_a_clock_that_is_four_times_too_slow_shows_in_flight_and_the_true_rate_i
     assert rate == pytest.approx(60, abs=5)
 
 
+@pytest.fixture(scope="module")
+def walk():
+    """The boxer as it walks off."""
+    return next(one.clip for one in perform(10.0, 1, rests=1) if "walk_off" in one.clip.name)
+
+
+def test_a_body_falls_away_from_the_foot_below_as_on_earth_whatever_its_clock(walk):
+    balance = evidence_of(walk).balance
+    assert 5.0 < balance < 20.0
+    for factor in (0.25, 2.0):
+        assert evidence_of(replace(walk, fps=factor * walk.fps)).balance == pytest.approx(factor**2 * balance, rel=0.2)
+
+
+def test_a_walk_whose_clock_is_four_times_too_slow_is_refused_with_about_its_rate(walk, tmp_path):
+    write_bvh(tmp_path / "clip.bvh", from_clip(walk))
+    assert load_capture(tmp_path / "clip.bvh").findings == ()
+    write_bvh(tmp_path / "clip.bvh", from_clip(replace(walk, fps=15.0)))
+    (finding,) = load_capture(tmp_path / "clip.bvh").faults
+    assert "bodies fall away from the foot below" in finding
+    assert finding.endswith("unless motion.capture.faults says keep or a number of frames a second")
+    rate = int(finding.partition("as on earth at about ")[2].split()[0])
+    assert 40 < rate < 90
+
+
 def test_the_root_of_a_clean_clip_follows_the_feet_that_bear_it_and_that_of_another_clip_does_not(boxer):
     evidence = evidence_of(boxer)
     assert evidence.relation > 0.8

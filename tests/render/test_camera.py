@@ -15,7 +15,7 @@ from crowdsim.render.crowd_path import watch
 from crowdsim.render.line_of_sight import are_in_sight
 from crowdsim.render.view import directions
 from crowdsim.render.viewpoints import HEADINGS, find_course
-from crowdsim.scenario.camera import Lens
+from crowdsim.scenario.camera import Lens, avatar_number
 from crowdsim.scenario.cameras import KINDS
 
 SIZE = (320, 180)
@@ -114,6 +114,13 @@ def test_avatars_may_be_followed_by_name():
     source = Walkers(random_walk(60, 5, 0))
     named, numbered = (build_track(source, f"follow:{avatar}", SIZE).view(30) for avatar in ("walker_2", 2))
     np.testing.assert_array_equal(named.pack(*SIZE), numbered.pack(*SIZE))
+
+
+def test_the_name_of_a_group_of_one_means_its_avatar():
+    names = ["red_0", "red_1", "referee_0"]
+    assert avatar_number("referee", names) == 2
+    with pytest.raises(CrowdsimError, match="no avatar 'red', expected a number from 0 to 2"):
+        avatar_number("red", names)
 
 
 def test_a_lens_may_be_a_focal_length_or_a_field_of_view():

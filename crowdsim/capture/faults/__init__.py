@@ -11,6 +11,7 @@ from crowdsim.capture.faults.elbows import Elbows
 from crowdsim.capture.faults.ends import Ends
 from crowdsim.capture.faults.handedness import Handedness, Knees
 from crowdsim.capture.faults.in_place import InPlace
+from crowdsim.capture.faults.repeats import Repeats
 from crowdsim.capture.faults.root_held import RootHeld
 from crowdsim.capture.faults.root_jumps import RootJumps
 from crowdsim.capture.faults.root_path import RootPath
@@ -19,6 +20,7 @@ from crowdsim.capture.faults.tilt import Tilt
 from crowdsim.capture.faults.time_base import TimeBase
 
 FAULTS: tuple[Fault, ...] = (
+    Repeats(),
     Channels(),
     Angles(),
     Rotations(),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from crowdsim.capture.columns import rotation_columns
 from crowdsim.capture.evidence import Evidence
 from crowdsim.capture.faults.diagnosis import Diagnosis
 from crowdsim.capture.reading import Reading
+from crowdsim.core.types import Array
 
 _UNITS = {
     "radians": (180.0 / np.pi, 4.0 * np.pi),
@@ -36,15 +38,37 @@ class Angles:
 
     def examine(self, reading: Reading) -> Diagnosis | None:
         """Read angles in each unit that their size allows, and take the one in which the body stands on its feet."""
-        columns = rotation_columns(reading.bvh)
+        columns, before = rotation_columns(reading.bvh), reading.evidence
+        if not columns.size or before is None:
+            return None
+        # Some files have the root's angles in another unit than those of joints.
+        joints = columns[columns >= reading.bvh.first_channels()[1]] if reading.bvh.joint_count > 1 else columns
+        found = [
+            *self._read(reading, before, columns, ""),
+            *self._read(reading, before, joints, " of all but the root"),
+        ]
+        if not found:
+            return None
+        unrest, most, words, read = min(found, key=lambda one: one[0])
+        plainly = unrest * _PLAINLY < before.unrest or most > _TWICE
+        if not plainly and (before.unrest < _RESTLESS or unrest * _BETTER > before.unrest):
+            return None
+        confidence = 0.98 if plainly else 0.92
+        what = f"angles{words}: as degrees, of {most:.3g} at the most, " + (
+            "joints spin" if most > _TWICE else "the body stays in its rest pose while it travels"
+        )
+        return Diagnosis(self.name, what, confidence, "repair", "they are read so", lambda: read)
+
+    def _read(
+        self, reading: Reading, before: Evidence, columns: Array, whose: str
+    ) -> Iterator[tuple[float, float, str, Reading]]:
+        """Yield readings of some angles in other units that make a body's motion: its unrest, the greatest, words."""
         angles = np.abs(reading.bvh.motion[:, columns])
         if not angles.size or not np.isfinite(angles).all():
-            return None
+            return
         most = float(np.quantile(angles.max(axis=1), 0.99))
-        before = reading.evidence
-        if most < 1e-3 or before is None or not (most > _TWICE or (most < 4.0 * np.pi and before.extent < _FROZEN)):
-            return None
-        found = []
+        if most < 1e-3 or not (most > _TWICE or (most < 4.0 * np.pi and (whose or before.extent < _FROZEN))):
+            return
         for unit, (factor, limit) in _UNITS.items():
             if (factor < 1.0) == (most > _TWICE) and most <= limit:
                 motion = reading.bvh.motion.copy()
@@ -52,18 +76,7 @@ class Angles:
                 read = replace(reading, bvh=replace(reading.bvh, motion=motion))
                 evidence = read.evidence
                 if evidence is not None and _plausible(evidence):
-                    found.append((evidence.unrest, unit, read))
-        if not found:
-            return None
-        unrest, unit, read = min(found, key=lambda one: one[0])
-        plainly = unrest * _PLAINLY < before.unrest or most > _TWICE
-        if not plainly and (before.unrest < _RESTLESS or unrest * _BETTER > before.unrest):
-            return None
-        confidence = 0.98 if plainly else 0.92
-        what = f"angles are {unit}: as degrees, of {most:.3g} at the most, " + (
-            "joints spin" if most > _TWICE else "the body stays in its rest pose while it travels"
-        )
-        return Diagnosis(self.name, what, confidence, "repair", "they are read so", lambda: read)
+                    yield evidence.unrest, most, f"{whose} are {unit}", read
 
 
 def _plausible(evidence: Evidence) -> bool:

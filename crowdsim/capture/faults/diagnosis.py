@@ -29,6 +29,7 @@ class Diagnosis:
         remedy: What the repair does, after "it is" or "they are"; empty where there is none.
         repair: Returns the repaired reading; None where there is no repair.
         needed: Whether the motion cannot be read at all without the repair, whatever a user asks for.
+        given: What a user may give for this kind of fault instead of a choice, in words.
     """
 
     fault: str
@@ -38,6 +39,7 @@ class Diagnosis:
     remedy: str = ""
     repair: Callable[[], Reading] | None = None
     needed: bool = False
+    given: str = ""
 
 
 class Fault(Protocol):
@@ -87,6 +89,7 @@ class Outcome:
             return f"{sure}; kept as it is, as asked"
         if self.refused:
             ways = [f"repair ({found.remedy})"] * (found.repair is not None) + ["keep"] * (not found.needed)
+            ways += [found.given] * bool(found.given)
             unless = "as asked" if self.asked else f"unless motion.capture.faults says {' or '.join(ways)}"
             return f"{sure}; not trained on, {unless}"
         return f"{sure}; {found.remedy}{', as asked' if self.asked else ''}"

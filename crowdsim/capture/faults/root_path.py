@@ -24,7 +24,10 @@ _FAR, _HARDLY = 8.0, 0.4
 _UNRELATED = 0.3
 """Correlation below which the root's path is not that of the body."""
 _APART = 4.5
-"""Ratio of units, up or down, from which on they are not the same."""
+"""Ratio of units, up or down, from which on they are not the same ..."""
+_UNLIKE, _SURELY, _STANDS = 1.6, 0.85, 0.7
+"""... or, where the root follows the feet closely, one from which on they may not be, if feet then slide less by so
+much."""
 _SHORT = 0.3
 """Greatest displacement in a frame [m]."""
 _BETTER = 1.5
@@ -51,7 +54,8 @@ class RootPath:
 
 
 def _of_units(reading: Reading, ratio: float, relation: float) -> Diagnosis | None:
-    if 1.0 / _APART < ratio < _APART:
+    apart = max(ratio, 1.0 / ratio)
+    if apart < (_APART if relation < _SURELY else _UNLIKE):
         return None
     amount = f"{ratio:.3g} times too little" if ratio > 1.0 else f"{1.0 / ratio:.3g} times too far"
     what = f"the root travels {amount} for the feet"
@@ -59,11 +63,15 @@ def _of_units(reading: Reading, ratio: float, relation: float) -> Diagnosis | No
     tried = []
     for unit in (*UNITS.values(), _FOOT):
         factor = unit / (reading.scale or 1.0)
-        if max(ratio / factor, factor / ratio) < _TOLERANCE:
+        # Feet cannot tell units apart that are closer than that.
+        if max(ratio / factor, factor / ratio) < _TOLERANCE and max(factor, 1.0 / factor) > 2.0:
             read = reading.with_path(reading.path * factor)
             if read.evidence is not None:
                 tried.append((read.evidence.unrest, factor, read))
     tried.sort(key=lambda one: one[0])
+    before = reading.evidence
+    if apart < _APART and (not tried or before is None or tried[0][0] > _STANDS * before.unrest):
+        return None
     if not tried or (len(tried) > 1 and tried[0][0] > _FEWER * tried[1][0]):
         return Diagnosis("root_path", what, 0.9, "refuse")
     _, factor, read = tried[0]

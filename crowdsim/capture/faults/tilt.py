@@ -26,6 +26,8 @@ _AGREE = 0.5
 """Share of a tilt by which floor and balance may differ."""
 _LEANS = np.deg2rad(9.0)
 """How far, at the least, a body that travels leans to its side in a tilted world."""
+_AHEAD = np.tan(np.deg2rad(6.5))
+"""How far bodies lean ahead by themselves."""
 _UP = np.array([0.0, 1.0, 0.0])
 
 
@@ -117,7 +119,11 @@ def _floor(evidence: Evidence) -> _Floor | None:
 
 
 def _lean(evidence: Evidence) -> Array:
-    """How far, along x and z, the middle of the trunk lies from between the feet in the mean, by its height."""
+    """How far bodies lean along x and z in the mean, beyond how they lean ahead by themselves.
+
+    That is how far the middle of the trunk lies from between the feet, by its height.
+    """
     trunk = 0.5 * (evidence.at("pelvis") + evidence.at("chest"))
     mean = np.mean(trunk - evidence.soles.mean(axis=1), axis=0)
-    return np.asarray(mean[[0, 2]] / max(float(mean[1]), 1e-6))
+    lean = mean / max(float(mean[1]), 1e-6) - _AHEAD * np.mean(evidence.forward, axis=0)
+    return np.asarray(lean[[0, 2]])

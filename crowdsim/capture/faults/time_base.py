@@ -25,6 +25,8 @@ _SLOWEST = 0.12
 """How often a second, at the least, the fastest limb could cover all the room it uses."""
 _EARTH, _FLOATS, _DROPS = 9.81, 1.1, 70.0
 """Acceleration downward of someone who is in the air, and bounds beyond which it is that of another clock [m/s^2]."""
+_SWAYS, _SNAPS = 1.4, 130.0
+"""Likewise of gravity by how a body on one foot is accelerated (``Evidence.balance``) [m/s^2]."""
 _READINGS = {
     "milliseconds": lambda value: 1000.0 / value,
     "microseconds": lambda value: 1e6 / value,
@@ -70,10 +72,10 @@ class TimeBase:
                 lambda: replace(reading, bvh=replace(bvh, fps=fps)),
                 needed=outside,
             )
-        gravity = None if evidence is None else evidence.gravity
-        if gravity is not None and gravity > 0.0:
-            falls = f"bodies in the air fall at {gravity:.3g} m/s^2, as on earth at about"
-            what += f", and {falls} {written * np.sqrt(_EARTH / gravity):.0f} frames a second"
+        for falls, gravity in () if evidence is None else _falls(evidence):
+            if gravity is not None and gravity > 0.0:
+                rate = written * np.sqrt(_EARTH / gravity)
+                what += f", and {falls} at {gravity:.3g} m/s^2, as on earth at about {rate:.0f} frames a second"
         return Diagnosis(
             self.name,
             f"{what}; no other reading of that number makes a body's motion of it"
@@ -84,6 +86,7 @@ class TimeBase:
             f"it is read at {FALLBACK:g} frames a second, or at those given instead" if outside else "",
             (lambda: replace(reading, bvh=replace(bvh, fps=FALLBACK))) if outside else None,
             needed=outside,
+            given="a number of frames a second",
         )
 
 
@@ -112,11 +115,17 @@ def _fits(fps: float, evidence: Evidence | None) -> bool:
         return True
     highest = float(np.quantile(evidence.speeds, 0.99)) * fps / evidence.fps
     hardest = float(np.quantile(evidence.accelerations, 0.95)) * (fps / evidence.fps) ** 2
-    fall = _EARTH if evidence.gravity is None else evidence.gravity * (fps / evidence.fps) ** 2
+    fall, sway = (_EARTH if value is None else value * (fps / evidence.fps) ** 2 for _, value in _falls(evidence))
     return (
         _speed(fps, evidence) < _FASTEST
         and hardest < _HARDEST
         and highest > _SLOWEST * evidence.extent
         and not 0.0 < fall < _FLOATS
         and fall < _DROPS
+        and _SWAYS < sway < _SNAPS
     )
+
+
+def _falls(evidence: Evidence) -> tuple[tuple[str, float | None], ...]:
+    """What falls, and its acceleration if it is known [m/s^2]."""
+    return ("bodies in the air fall", evidence.gravity), ("bodies fall away from the foot below", evidence.balance)
