@@ -86,11 +86,15 @@ def test_points_of_bodies_are_those_that_their_joints_have() -> None:
     cast = replace(take.cast, legs=np.array([1.0, 1.1, 0.95], np.float32), arms=np.array([0.9, 1.0, 1.0], np.float32))
     poser = sampler(replace(take, cast=cast), policy).poser
     columns, points = np.array([4, 0, 2]), np.empty((30, 5, 11, 3), np.float32)
-    [block] = poser.stretch(lambda block: block, np.arange(3), np.arange(30) / 30.0, "blend")
-    block.poses.roots[3, 1] = np.nan
     motion, scales = poser.motions[0], np.asarray(cast.scales, float)
-    place_points(0, 3, trunk_points(motion), block.poses, scales, cast.stretches, columns, points)
-    expected = naive.body_points(motion, *block.part.window.world_joints(block.poses), scales)
+    trunk, body = trunk_points(motion)
+    some, whole = (
+        poser.stretch(lambda block: block, np.arange(3), np.arange(30) / 30.0, "blend", motions=[one])[0]
+        for one in (trunk, motion)
+    )
+    some.poses.roots[3, 1] = np.nan
+    place_points(0, 3, body, some.poses, scales, cast.stretches, columns, points)
+    expected = naive.body_points(motion, *whole.part.window.world_joints(whole.poses), scales)
     expected[3, 1] = np.nan
     np.testing.assert_array_equal(points[:, columns], expected.astype(np.float32))
 

@@ -81,10 +81,23 @@ def _between(own, other):
 
 
 @kernel(allocates=False)
+def _are_beside(own, other, radii, others, x, z):
+    """Return whether bodies do not reach each other along the way between them, of length 1."""
+    low, high = math.inf, -math.inf
+    for i in range(len(PIECES)):
+        for k in range(2):
+            p, q = own[_PIECES[i, k]], other[_PIECES[i, k]]
+            low = min(low, p[0] * x + p[2] * z - radii[i, k])
+            high = max(high, q[0] * x + q[2] * z + others[i, k])
+    return low - high > _CLEAR
+
+
+@kernel(allocates=False)
 def _depth(own, other, radii, others):
     """Return how deep a body is in another one [m]; less than ``-_GIVES`` where they are apart."""
     x, z = _between(own, other)
-    if math.sqrt(x * x + z * z) > _FAR:
+    far = math.sqrt(x * x + z * z)
+    if far > _FAR or (far > 0.1 and _are_beside(own, other, radii, others, x / far, z / far)):
         return -math.inf
     return _overlap(own, other, radii, others, 0.0, 0.0)
 

@@ -32,6 +32,7 @@ from crowdsim.poses.kernels.separation import (
     shift_roots,
 )
 from crowdsim.poses.layer import Block, Layer, Part, Scheduler
+from crowdsim.poses.limbs import chain_of
 from crowdsim.poses.motion import PoseMotion
 from crowdsim.poses.neighbours import near_avatars
 
@@ -57,7 +58,7 @@ class Separation(Layer):
         self._radii = np.zeros((take.avatar_count, len(PIECES), 2))
         for index, motion in enumerate(poser.motions):
             self._radii[take.cast.policies == index] = piece_radii(motion.body)
-        self._bodies = [trunk_points(motion) for motion in poser.motions]
+        self._trunks, self._bodies = zip(*(trunk_points(motion) for motion in poser.motions), strict=True)
         landed = find_landed(take)
         self._kicks = landed.of(~landed.missed & (np.isin(landed.limbs, LEGS)))
         self._radii[:, 0] *= np.asarray(take.cast.scales, float)[:, None]
@@ -122,7 +123,7 @@ class Separation(Layer):
         absent = np.asarray(poser.take.action[first:stop])[:, avatars] < 0
         absent |= fallen_rows(poser.take, poser.motions, first, stop, avatars)
         absent = absent[before - first] | absent[after - first]
-        points = np.full((*absent.shape, POINTS, 3), np.nan, np.float32)
+        points = np.empty((*absent.shape, POINTS, 3), np.float32)
         there = np.flatnonzero(~absent.all(axis=0))
 
         def note(block: Block) -> None:
@@ -131,7 +132,8 @@ class Separation(Layer):
             share(len(some), place_points, self._bodies[part.policy], block.poses, scales,
                   poser.take.cast.stretches[avatars[some]], some, points, threads=poser.threads)  # fmt: skip
 
-        poser.stretch(note, avatars[there], rows / (FINE * poser.take.control_rate), self.needs[0])
+        poser.stretch(note, avatars[there], rows / (FINE * poser.take.control_rate), self.needs[0], (),
+                      self._trunks)  # fmt: skip
         points[absent] = np.nan
         self._fold_kicking_legs(rows, avatars, points)
         return points
@@ -148,17 +150,19 @@ class Separation(Layer):
             leg[:, 1:] = leg[:, :1]
 
 
-def trunk_points(motion: PoseMotion) -> BodyPoints:
-    """Return the ``POINTS`` of bodies of a motion."""
-    body, skeleton, roles = motion.body, motion.skeleton, motion.body.roles
+def trunk_points(motion: PoseMotion) -> tuple[PoseMotion, BodyPoints]:
+    """Return the motion of the joints that the ``POINTS`` of bodies hang on, and these points."""
+    body, roles = motion.body, motion.body.roles
     joints, ends = np.empty(POINTS, np.int64), np.zeros((POINTS, 3))
     joints[[HEAD_POINT, NECK_POINT, PELVIS_POINT]] = roles["head"], roles["neck"], roles["pelvis"]
     joints[LEG_POINT:SHOULDER_POINT] = motion.legs.joints.reshape(-1)
     joints[SHOULDER_POINT:] = roles["chest"]
     across = trunk_capsules(body)[-1]
     ends[HEAD_POINT], ends[SHOULDER_POINT:] = body.head_offset, (body.capsule_starts[across], body.capsule_ends[across])
-    parents, offsets = np.asarray(skeleton.parents, np.int64), np.ascontiguousarray(skeleton.offsets, np.float32)
-    return BodyPoints(parents, offsets, motion.segments, joints, ends)
+    chain = chain_of(motion.skeleton, joints.tolist())
+    trunk = motion.of_joints(chain)
+    parents, offsets = trunk.skeleton.parents.astype(np.int64), np.ascontiguousarray(trunk.skeleton.offsets, np.float32)
+    return trunk, BodyPoints(parents, offsets, trunk.segments, np.searchsorted(chain, joints), ends)
 
 
 def piece_radii(body: Body) -> Array:
