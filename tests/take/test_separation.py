@@ -92,7 +92,7 @@ def test_points_of_bodies_are_those_that_their_joints_have() -> None:
         poser.stretch(lambda block: block, np.arange(3), np.arange(30) / 30.0, "blend", motions=[one])[0]
         for one in (trunk, motion)
     )
-    some.poses.roots[3, 1] = np.nan
+    some.poses.roots[3, 1] = some.poses.rotations[3, 1] = np.nan
     place_points(0, 3, body, some.poses, scales, cast.stretches, columns, points)
     expected = naive.body_points(motion, *whole.part.window.world_joints(whole.poses), scales)
     expected[3, 1] = np.nan

@@ -1,6 +1,5 @@
 """Compiled points of posed bodies in the world, without the joints of all of them at once."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -43,26 +42,28 @@ def place_points(first, stop, body, poses, scales, stretches, columns, points):
         columns: Column of each body among the points. Shape (n,).
         points: Written; NaN while absent [m]. Shape (T, N, K, 3), float32.
     """
-    joints = body.parents.shape[0]
-    origin, fixed = np.zeros((1, 3), np.float32), np.empty((0, 0, 3), np.float32)
-    positions, rotations = np.empty((1, 1, joints, 3), np.float32), np.empty((1, joints, 4), np.float32)
-    for n in range(first, stop):
-        size, scale = scales[n], np.float32(scales[n])
-        for t in range(poses.roots.shape[0]):
-            root, out = poses.roots[t, n], points[t, columns[n]]
-            if not math.isfinite(root[0]):
-                out[:] = np.nan
-                continue
-            pose = poses.rotations[t, n : n + 1]
-            pose_joints(0, 1, body.parents, body.offsets, origin, pose, fixed, positions[0], rotations)
+    count, joints = stop - first, body.parents.shape[0]
+    origins, fixed = np.zeros((count, 3), np.float32), np.empty((0, 0, 3), np.float32)
+    positions, rotations = np.empty((1, count, joints, 3), np.float32), np.empty((count, joints, 4), np.float32)
+    for t in range(poses.roots.shape[0]):
+        some = poses.rotations[t, first:stop]
+        pose_joints(0, count, body.parents, body.offsets, origins, some, fixed, positions[0], rotations)
+        for n in range(count):
+            scale = np.float32(scales[first + n])
             for j in range(joints):
                 for c in range(3):
-                    positions[0, 0, j, c] *= scale
-            stretch_limbs(0, 1, body.parents, body.segments, stretches[n : n + 1], positions)
+                    positions[0, n, j, c] *= scale
+        stretch_limbs(0, count, body.parents, body.segments, stretches[first:stop], positions)
+        for n in range(count):
+            root, size, out = poses.roots[t, first + n], scales[first + n], points[t, columns[first + n]]
             for k in range(body.joints.shape[0]):
-                place, q, o = positions[0, 0, body.joints[k]], rotations[0, body.joints[k]], body.ends[k]
+                place, q, o = positions[0, n, body.joints[k]], rotations[n, body.joints[k]], body.ends[k]
+                for c in range(3):
+                    out[k, c] = place[c] + root[c]
+                if o[0] == 0.0 and o[1] == 0.0 and o[2] == 0.0:
+                    continue
                 w, x, y, z = np.float64(q[0]), np.float64(q[1]), np.float64(q[2]), np.float64(q[3])
                 tx, ty, tz = 2.0 * (y * o[2] - z * o[1]), 2.0 * (z * o[0] - x * o[2]), 2.0 * (x * o[1] - y * o[0])
-                out[k, 0] = np.float64(place[0] + root[0]) + size * (o[0] + w * tx + (y * tz - z * ty))
-                out[k, 1] = np.float64(place[1] + root[1]) + size * (o[1] + w * ty + (z * tx - x * tz))
-                out[k, 2] = np.float64(place[2] + root[2]) + size * (o[2] + w * tz + (x * ty - y * tx))
+                out[k, 0] += size * (o[0] + w * tx + (y * tz - z * ty))
+                out[k, 1] += size * (o[1] + w * ty + (z * tx - x * tz))
+                out[k, 2] += size * (o[2] + w * tz + (x * ty - y * tx))
