@@ -68,7 +68,7 @@ class Poser:
             if kind.name not in without:
                 self.layers[kind.name] = base.layers[kind.name] if base is not None and shares else kind(self)
             if blind and kind.name not in without:
-                self.layers[kind.name].needs = (Blend.name,) * len(kind.needs)
+                self.layers[kind.name].needs = (Blend.name,)
         self._last = kinds[-1].name
         # How long before and after a time layers of others are read, one by way of another.
         self._read = {name: (0.0, 0.0) for name in self.layers}
