@@ -4,6 +4,9 @@ import itertools
 
 import numpy as np
 
+from crowdsim.motion import quaternion
+from crowdsim.poses.capsules import trunk_capsules
+
 
 def distance_to_point(p, q, point):
     """Least distance of a point from the segment p q."""
@@ -39,6 +42,17 @@ def nearest(p, q, r, s):
     if rank == 2 and (shares >= 0.0).all() and (shares <= 1.0).all():
         found.append(tuple(shares))
     return min(found, key=lambda shares: np.linalg.norm(p + shares[0] * u - r - shares[1] * v))
+
+
+def body_points(motion, positions, rotations, scales):
+    """Head, neck, pelvis, joints of legs and ends of shoulders of bodies with joints (T, n, J, 3) and (T, n, J, 4)."""
+    body, legs, sizes = motion.body, motion.legs.joints.reshape(-1), scales[:, None]
+    head, chest, across = body.roles["head"], body.roles["chest"], trunk_capsules(body)[-1]
+    found = [positions[:, :, head] + sizes * quaternion.rotate(rotations[:, :, head], body.head_offset)]
+    found += [positions[:, :, joint].astype(float) for joint in (body.roles["neck"], body.roles["pelvis"], *legs)]
+    for end in (body.capsule_starts[across], body.capsule_ends[across]):
+        found.append(positions[:, :, chest] + sizes * quaternion.rotate(rotations[:, :, chest], end))
+    return np.stack(found, axis=2)
 
 
 LEGS = 3

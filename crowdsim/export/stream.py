@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
@@ -21,6 +23,8 @@ Result = TypeVar("Result")
 
 _POSES_AT_ONCE = 16_000
 _FRAMES_AT_ONCE = 512
+_AHEAD = 2
+"""Blocks that are posed at once: while the one plans, the other is worked on by all threads."""
 _MANY_AVATARS = 512
 """From so many avatars on, those who want whole avatars and those who want whole frames no longer share blocks."""
 
@@ -141,14 +145,13 @@ def _stream(
             _ = block.joints
         return block
 
-    ahead = ThreadPoolExecutor(1)
+    ahead, firsts = ThreadPoolExecutor(_AHEAD), iter(range(start, stop, size))
     try:
-        # The next block is posed while this one is written.
-        coming = ahead.submit(pose, start)
+        # The next blocks are posed while this one is written.
+        coming = deque(ahead.submit(pose, first) for first in islice(firsts, _AHEAD))
         for first in range(start, stop, size):
-            block = coming.result()
-            if block.stop_output < stop:
-                coming = ahead.submit(pose, first + size)
+            block = coming.popleft().result()
+            coming.extend(ahead.submit(pose, following) for following in islice(firsts, 1))
             for sink in sinks:
                 if sink.start < block.stop_output and sink.stop > first:
                     sink.write(block, pool)

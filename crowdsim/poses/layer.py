@@ -87,6 +87,7 @@ class Scheduler(Protocol):
         times: Array,
         through: str = "",
         without: tuple[str, ...] = (),
+        motions: Sequence[PoseMotion] | None = None,
     ) -> list[Result]:
         """Pose avatars (n,), ascending, at the same times (T,), with the layers up to one of them."""
 

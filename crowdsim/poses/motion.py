@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -122,6 +122,20 @@ class PoseMotion:
         """Return the playback frames that are nearest after ``done`` control frames of actions. All of shape (n,)."""
         steps = np.minimum(done, self.lengths[actions]) * self.frames.stride
         return self.origins[actions] + np.rint(steps).astype(np.int64)
+
+    def of_joints(self, joints: Array) -> PoseMotion:
+        """Return the motion of some joints (n,), ascending, all that they hang on among them, as far as blends go."""
+        skeleton, hinges = self.skeleton, np.isin(self.hinges.joints, joints)
+        parents = np.asarray(skeleton.parents)[joints]
+        places = np.where(parents >= 0, np.searchsorted(joints, parents), -1).astype(np.int32)
+        some = Hinges(*(np.ascontiguousarray(values[hinges]) for values in self.hinges))
+        return replace(
+            self,
+            skeleton=Skeleton(tuple(skeleton.names[joint] for joint in joints), places, skeleton.offsets[joints]),
+            segments=self.segments[joints],
+            frames=self.frames._replace(rotations=np.ascontiguousarray(self.frames.rotations[:, joints])),
+            hinges=some._replace(joints=np.searchsorted(joints, some.joints)),
+        )
 
 
 def prepare_motion(policy: Policy) -> PoseMotion:

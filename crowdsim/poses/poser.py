@@ -93,6 +93,7 @@ class Poser:
         through: str = "",
         hops: int = 0,
         without: tuple[str, ...] = (),
+        motions: Sequence[PoseMotion] | None = None,
     ) -> Part:
         """Return a policy's avatars (n,), ascending, as they are posed.
 
@@ -103,6 +104,7 @@ class Poser:
             through: The last layer; that of all layers by default.
             hops: How many avatars lie between them and those that are shown.
             without: Layers that are left out.
+            motions: Motion of each policy; that of all joints by default.
         """
         last = self._places[through or self._last]
         names = tuple(
@@ -111,15 +113,22 @@ class Poser:
             if self._places[name] <= last and layer.hops >= hops and name not in without
         )
         reach = max(self.layers[name].reach for name in names)
-        return Part(policy, self.window(policy, avatars, moments.times, reach), moments, names, hops)
+        return Part(policy, self.window(policy, avatars, moments.times, reach, motions), moments, names, hops)
 
-    def window(self, policy: int, avatars: Array, times: Array, reach: float | None = None) -> Window:
+    def window(
+        self,
+        policy: int,
+        avatars: Array,
+        times: Array,
+        reach: float | None = None,
+        motions: Sequence[PoseMotion] | None = None,
+    ) -> Window:
         """Return the stretch of the take that poses of a policy's avatars (n,), ascending, at times [s] read."""
         reach = max(layer.reach for layer in self.layers.values()) if reach is None else reach
         rate = self.take.control_rate
         first = max(0, int(np.floor((times.min() - reach) * rate)))
         stop = min(self.take.frame_count, int(np.ceil((times.max() + reach) * rate)) + 2)
-        return Window(self.take, self.motions[policy], avatars, first, stop, self.threads)
+        return Window(self.take, (motions or self.motions)[policy], avatars, first, stop, self.threads)
 
     def pose(self, part: Part) -> Posed:
         """Return the poses of a part."""
@@ -163,10 +172,12 @@ class Poser:
         times: Array,
         through: str = "",
         without: tuple[str, ...] = (),
+        motions: Sequence[PoseMotion] | None = None,
     ) -> list[Result]:
         """Pose avatars (n,), ascending, at the same times (T,), some at once, with the layers up to one of them.
 
-        Returns what ``use`` makes of each block of them; several are posed and used at a time.
+        Returns what ``use`` makes of each block of them; several are posed and used at a time. For blends, ``motions``
+        of fewer joints will do, one for each policy.
         """
         owners, at_once = self.take.cast.policies[avatars], max(1, POSES_AT_ONCE // max(len(times), 1))
         # Those near one another read the same others.
@@ -178,7 +189,8 @@ class Poser:
 
         def pose(piece: tuple[int, Array]) -> Result:
             policy, some = piece
-            part = self.part(policy, some, Moments(np.arange(len(some)), times[:, None]), through, without=without)
+            moments = Moments(np.arange(len(some)), times[:, None])
+            part = self.part(policy, some, moments, through, without=without, motions=motions)
             return use(Block(np.searchsorted(avatars, some), part, self.pose(part)))
 
         return each(pose, pieces, self._threads)

@@ -8,6 +8,7 @@ of frames, posed alone, gives the same bytes as the whole.
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -168,6 +169,7 @@ class PoseSampler:
         self.motions = [prepare_motion(policy) for policy in policies]
         self._buried = np.zeros(len(take.events.frame), bool)
         self._searched: set[int] = set()
+        self._lock = threading.RLock()
         self._threads, self._reactions = threads, take.reactions if reactions is None else reactions
         self._posers = {NOTHING: Poser(take, self.motions, self._threads, self._reactions)}
 
@@ -186,10 +188,11 @@ class PoseSampler:
         numbers = np.unique(self.take.cast.numbers(avatars))
         times = np.arange(start, stop) / fps
         self.expect(times)
-        if without not in self._posers:
-            made = Poser(self.take, self.motions, self._threads, self._reactions, without, self.poser)
-            made.landed = self.poser.landed
-            self._posers[without] = made
+        with self._lock:
+            if without not in self._posers:
+                made = Poser(self.take, self.motions, self._threads, self._reactions, without, self.poser)
+                made.landed = self.poser.landed
+                self._posers[without] = made
         return self._gathered(numbers, times, self._posers[without].sample(numbers, times))
 
     def captured(self, start: int, stop: int, fps: float, avatars: ArrayLike | None = None) -> list[Poses]:
@@ -250,12 +253,13 @@ class PoseSampler:
         """
         ends = np.concatenate([times - _AROUND, times + _AROUND]) // _BLOCK
         blocks = set(np.unique(np.maximum(ends, 0.0)).astype(int).tolist())
-        fresh = sorted(blocks - self._searched)
-        self._searched.update(fresh)
-        if any([self._mark_buried(block * _BLOCK, (block + 1) * _BLOCK) for block in fresh]):
-            landed = find_landed(self.take, self._buried)
-            for poser in self._posers.values():
-                poser.landed = landed
+        with self._lock:
+            fresh = sorted(blocks - self._searched)
+            self._searched.update(fresh)
+            if any([self._mark_buried(block * _BLOCK, (block + 1) * _BLOCK) for block in fresh]):
+                landed = find_landed(self.take, self._buried)
+                for poser in self._posers.values():
+                    poser.landed = landed
 
     def _mark_buried(self, first: float, last: float) -> bool:
         """Mark those of a range of times, nearly, since some others may be among them; whether there are any."""

@@ -61,12 +61,14 @@ def segment_files(parts: Path, start: int, stop: int) -> list[Path]:
 
 def draw_segment(stage: Stage, work: Work, threads: int, count: Callable[[int], None]) -> None:
     """Draw the frames of a segment, several at a time, and write them in order."""
+    # Where there are fewer pictures than threads, these share a picture.
+    within = max(1, threads // (work.stop - work.start))
 
     def draw(frame: int) -> Array | None:
         path = work.folder / f"{frame:06d}.png" if work.folder else None
         if path and work.part is None and has_mark(path, stage.mark):
             return None
-        picture = stage.picture(frame, stop=work.stop)
+        picture = stage.picture(frame, within, work.stop)
         if path and not has_mark(path, stage.mark):
             write_png(path, picture, stage.mark)
         return planes(picture) if work.part else None

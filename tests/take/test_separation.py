@@ -12,8 +12,10 @@ from take.synthetic_take import actions, build_take, database, sampler
 from crowdsim.core.segments import nearest_on_segments
 from crowdsim.motion import quaternion
 from crowdsim.poses.kernels import separation
-from crowdsim.poses.kernels.separation import push_trunks
+from crowdsim.poses.kernels.body_points import place_points
+from crowdsim.poses.kernels.separation import find_touching, push_trunks
 from crowdsim.poses.layers.deflection import Deflection
+from crowdsim.poses.layers.separation import trunk_points
 
 
 @settings(deadline=None)
@@ -58,11 +60,43 @@ def test_pushes_match_naive(seed: int) -> None:
     points, radii = crowd(seed)
     order = np.argsort(points[:, :, 2, 0], axis=1)
     found = np.full((*points.shape[:2], 2), np.inf)
-    push_trunks(0, len(points), points, radii, order, found)
+    push_trunks(0, len(points), points, radii, order, np.arange(len(points)), found)
     rules = separation._ROOM, separation._SOFT, separation._MOST, separation._LEFT, separation.AROUND, separation._STEEP
     for time in range(len(points)):
         expected = naive.pushes(points, time, radii, *rules, separation._FAR, separation._ROUNDS)
         np.testing.assert_allclose(found[time], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_bodies_that_touch_are_those_that_are_pushed(seed: int) -> None:
+    points, radii = crowd(seed, times=6, count=8)
+    points[..., [0, 2]] *= 2.0
+    order = np.argsort(points[:, :, 2, 0], axis=1)
+    touching, found = np.empty(points.shape[:2], bool), np.empty((*points.shape[:2], 2))
+    find_touching(0, len(points), points, radii, order, touching)
+    push_trunks(0, len(points), points, radii, order, np.arange(len(points)), found)
+    np.testing.assert_array_equal(touching, (found != 0.0).any(axis=-1))
+    assert 0.1 < touching.mean() < 0.9
+
+
+def test_points_of_bodies_are_those_that_their_joints_have() -> None:
+    first, lengths = actions(60)
+    queues = [list(range(start, start + 20)) for start in (0, 20, 40)]
+    take, policy = build_take(queues, first, lengths, 20, scales=[1.0, 0.93, 1.07])
+    cast = replace(take.cast, legs=np.array([1.0, 1.1, 0.95], np.float32), arms=np.array([0.9, 1.0, 1.0], np.float32))
+    poser = sampler(replace(take, cast=cast), policy).poser
+    columns, points = np.array([4, 0, 2]), np.empty((30, 5, 11, 3), np.float32)
+    motion, scales = poser.motions[0], np.asarray(cast.scales, float)
+    trunk, body = trunk_points(motion)
+    some, whole = (
+        poser.stretch(lambda block: block, np.arange(3), np.arange(30) / 30.0, "blend", motions=[one])[0]
+        for one in (trunk, motion)
+    )
+    some.poses.roots[3, 1] = some.poses.rotations[3, 1] = np.nan
+    place_points(0, 3, body, some.poses, scales, cast.stretches, columns, points)
+    expected = naive.body_points(motion, *whole.part.window.world_joints(whole.poses), scales)
+    expected[3, 1] = np.nan
+    np.testing.assert_array_equal(points[:, columns], expected.astype(np.float32))
 
 
 RADII = np.repeat([[0.1], [0.15], [0.07], [0.07], [0.07], [0.05], [0.05]], 2, axis=1)
@@ -77,6 +111,12 @@ def upright(middles: np.ndarray) -> np.ndarray:
     return points
 
 
+def push_two(points: np.ndarray, found: np.ndarray) -> None:
+    """Push two bodies out of one another at all times."""
+    times = np.arange(len(points))
+    push_trunks(0, len(points), points, np.tile(RADII, (2, 1, 1)), np.tile([0, 1], (len(points), 1)), times, found)
+
+
 @pytest.mark.parametrize("beside", [0.03, 0.12, -0.12, 0.0])
 def test_who_walks_through_another_one_goes_around_it_on_one_side(beside: float) -> None:
     """Bodies do not give way backward while they come, and forward while they go."""
@@ -84,7 +124,9 @@ def test_who_walks_through_another_one_goes_around_it_on_one_side(beside: float)
     one = np.stack([np.full(13, beside), along], axis=-1)
     points = upright(np.stack([one, -one], axis=1) * 0.5)
     found = np.empty((13, 2, 2))
-    push_trunks(0, len(points), points, np.tile(RADII, (2, 1, 1)), np.tile([0, 1], (13, 1)), found)
+    push_trunks(
+        0, len(points), points, np.tile(RADII, (2, 1, 1)), np.tile([0, 1], (13, 1)), np.arange(len(points)), found
+    )
     np.testing.assert_allclose(found[:, 0], -found[:, 1], atol=1e-12)
     aside = found[:, 0, 0] * (np.sign(beside) or 1.0)
     assert (aside >= 0.0).all()
@@ -100,7 +142,9 @@ def test_who_halts_in_another_one_is_pushed_back() -> None:
     one = np.stack([np.zeros(20), along], axis=-1)
     points = upright(np.stack([one, -one], axis=1) * 0.5)
     found = np.empty((20, 2, 2))
-    push_trunks(0, len(points), points, np.tile(RADII, (2, 1, 1)), np.tile([0, 1], (20, 1)), found)
+    push_trunks(
+        0, len(points), points, np.tile(RADII, (2, 1, 1)), np.tile([0, 1], (20, 1)), np.arange(len(points)), found
+    )
     np.testing.assert_allclose(found[:, 0, 0], 0.0, atol=1e-9)
     assert found[-1, 0, 1] == pytest.approx(0.055, abs=0.01)
     assert (np.diff(found[:, 0, 1]) > -1e-9).all()
@@ -119,7 +163,7 @@ def test_thighs_that_cross_push_bodies_apart_and_those_that_touch_do_not() -> No
     for apart in (0.0, 0.08):
         points = np.stack([own, np.add(other, [apart, 0.0, 0.0])])[None]
         found = np.empty((1, 2, 2))
-        push_trunks(0, len(points), points, radii, order, found)
+        push_trunks(0, len(points), points, radii, order, np.arange(len(points)), found)
         pushes.append(found[0])
     np.testing.assert_allclose(pushes[0][0], -pushes[0][1])
     assert pushes[0][1, 0] > 0.02

@@ -14,7 +14,9 @@ _FAR = 1.3
 """Distance on the ground of the middles of two bodies beyond which they do not meet [m]."""
 _ROOM, _SOFT = 0.01, 0.02
 """Room that surfaces are given, and how far on either side of that they begin to give way [m]."""
-_CLEAR = _ROOM + _SOFT + 0.001
+_GIVES = _ROOM + _SOFT
+"""Distance of surfaces from which bodies give way [m]."""
+_CLEAR = _GIVES + 0.001
 """Distance of surfaces from which bodies do not give way, and a little [m]."""
 _MOST = 0.3
 """Furthest that a body gives way [m]."""
@@ -79,6 +81,28 @@ def _between(own, other):
 
 
 @kernel(allocates=False)
+def _are_beside(own, other, radii, others, x, z):
+    """Return whether bodies do not reach each other along the way between them, of length 1."""
+    low, high = math.inf, -math.inf
+    for i in range(len(PIECES)):
+        for k in range(2):
+            p, q = own[_PIECES[i, k]], other[_PIECES[i, k]]
+            low = min(low, p[0] * x + p[2] * z - radii[i, k])
+            high = max(high, q[0] * x + q[2] * z + others[i, k])
+    return low - high > _CLEAR
+
+
+@kernel(allocates=False)
+def _depth(own, other, radii, others):
+    """Return how deep a body is in another one [m]; less than ``-_GIVES`` where they are apart."""
+    x, z = _between(own, other)
+    far = math.sqrt(x * x + z * z)
+    if far > _FAR or (far > 0.1 and _are_beside(own, other, radii, others, x / far, z / far)):
+        return -math.inf
+    return _overlap(own, other, radii, others, 0.0, 0.0)
+
+
+@kernel(allocates=False)
 def _way_around(points, t, a, b):
     """Return the way between two bodies, of length 1, where they are nearest within ``AROUND`` times of a time."""
     least, x, z = math.inf, 0.0, 0.0
@@ -105,13 +129,11 @@ def _way_around(points, t, a, b):
 def _push_pair(points, radii, t, a, b, pushes):
     """Add what two bodies push each other away."""
     own, other = points[t, a], points[t, b]
+    depth = _depth(own, other, radii[a], radii[b])
+    if depth <= -_GIVES:
+        return
     x, z = _between(own, other)
     far = math.sqrt(x * x + z * z)
-    if far > _FAR:
-        return
-    depth = _overlap(own, other, radii[a], radii[b], 0.0, 0.0)
-    if depth <= -_ROOM - _SOFT:
-        return
     nx, nz = _way_around(points, t, a, b)
     if far < 1e-6 and nx == 0.0 and nz == 0.0:
         return
@@ -135,8 +157,8 @@ def _push_pair(points, radii, t, a, b, pushes):
 
 
 @kernel
-def push_trunks(first, stop, points, radii, order, pushes):
-    """Find how far bodies are pushed out of one another, at each of T times.
+def find_touching(first, stop, points, radii, order, touching):
+    """Find which bodies are in another one, or so near that they give way, at each of T times.
 
     Args:
         first: First of the times.
@@ -144,13 +166,13 @@ def push_trunks(first, stop, points, radii, order, pushes):
         points: The ``POINTS`` of each avatar, NaN while absent [m]. Shape (T, N, 11, 3).
         radii: Radii of its ``PIECES`` at both ends [m]. Shape (N, 7, 2).
         order: The avatars by x of the pelvis, absent ones last. Shape (T, N).
-        pushes: Written: x and z [m]. Shape (T, N, 2).
+        touching: Written. Shape (T, N), bool.
     """
     count = order.shape[1]
     xs, zs = np.empty(count, np.float32), np.empty(count, np.float32)
     for t in range(first, stop):
         for n in range(count):
-            pushes[t, n, 0] = pushes[t, n, 1] = 0.0
+            touching[t, n] = False
             pelvis = points[t, order[t, n], PELVIS_POINT]
             xs[n], zs[n] = pelvis[0], pelvis[2]
         for i in range(count):
@@ -160,14 +182,47 @@ def push_trunks(first, stop, points, radii, order, pushes):
                 # Absent ones are not a number, and end the search too.
                 if not xs[j] - xs[i] < NEAR:
                     break
-                if abs(zs[j] - zs[i]) < NEAR:
-                    _push_pair(points, radii, t, order[t, i], order[t, j], pushes[t])
+                a, b = order[t, i], order[t, j]
+                if abs(zs[j] - zs[i]) < NEAR and _depth(points[t, a], points[t, b], radii[a], radii[b]) > -_GIVES:
+                    touching[t, a] = touching[t, b] = True
+
+
+@kernel
+def push_trunks(first, stop, points, radii, order, times, pushes):
+    """Find how far bodies are pushed out of one another, at R of T times.
+
+    Args:
+        first: First of these times.
+        stop: One past the last.
+        points: The ``POINTS`` of each avatar, NaN while absent [m]. Shape (T, N, 11, 3).
+        radii: Radii of its ``PIECES`` at both ends [m]. Shape (N, 7, 2).
+        order: The avatars by x of the pelvis, absent ones last. Shape (R, N).
+        times: Which times these are. Shape (R,).
+        pushes: Written: x and z [m]. Shape (R, N, 2).
+    """
+    count = order.shape[1]
+    xs, zs = np.empty(count, np.float32), np.empty(count, np.float32)
+    for row in range(first, stop):
+        t, own, found = times[row], order[row], pushes[row]
         for n in range(count):
-            far = math.sqrt(pushes[t, n, 0] ** 2 + pushes[t, n, 1] ** 2)
+            found[n, 0] = found[n, 1] = 0.0
+            pelvis = points[t, own[n], PELVIS_POINT]
+            xs[n], zs[n] = pelvis[0], pelvis[2]
+        for i in range(count):
+            if not math.isfinite(xs[i]):
+                break
+            for j in range(i + 1, count):
+                # Absent ones are not a number, and end the search too.
+                if not xs[j] - xs[i] < NEAR:
+                    break
+                if abs(zs[j] - zs[i]) < NEAR:
+                    _push_pair(points, radii, t, own[i], own[j], found)
+        for n in range(count):
+            far = math.sqrt(found[n, 0] ** 2 + found[n, 1] ** 2)
             if far > 0.0:
                 kept = _MOST * math.tanh(far / _MOST) / far
-                pushes[t, n, 0] *= kept
-                pushes[t, n, 1] *= kept
+                found[n, 0] *= kept
+                found[n, 1] *= kept
 
 
 @kernel(allocates=False)

@@ -49,7 +49,7 @@ class Deflection(Reader):
     """
 
     name = "deflection"
-    size = 0.3
+    size = 0.33
     needs = ("fists",)
     hops = 0
     planted = 0.3
@@ -214,7 +214,7 @@ class SecondDeflection(Deflection):
     """How far limbs give way to what the first round leaves; planted feet stay."""
 
     name = "second deflection"
-    size = 0.2
+    size = 0.22
     needs = ("deflection",)
     planted = 0.0
 

@@ -81,7 +81,7 @@ class Reactions(Layer):
 
     name = "reactions"
     size = 0.8
-    reading = 0.5
+    reading = 0.22
     needs = ("separation",)
     looks = (ROUNDS + 1) * LENGTH + _KICK, RISE
 

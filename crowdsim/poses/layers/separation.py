@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
-from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
 from crowdsim.motion.strikers import LEGS
 from crowdsim.poses.capsules import trunk_capsules
@@ -14,6 +16,7 @@ from crowdsim.poses.down_state import fallen_rows
 from crowdsim.poses.hits import find_landed
 from crowdsim.poses.kept import Kept
 from crowdsim.poses.kernels.bending import FOOT_LANDS
+from crowdsim.poses.kernels.body_points import BodyPoints, place_points
 from crowdsim.poses.kernels.records import Offsets, Posed
 from crowdsim.poses.kernels.separation import (
     AROUND,
@@ -24,10 +27,12 @@ from crowdsim.poses.kernels.separation import (
     PIECES,
     POINTS,
     SHOULDER_POINT,
+    find_touching,
     push_trunks,
     shift_roots,
 )
 from crowdsim.poses.layer import Block, Layer, Part, Scheduler
+from crowdsim.poses.limbs import chain_of
 from crowdsim.poses.motion import PoseMotion
 from crowdsim.poses.neighbours import near_avatars
 
@@ -53,6 +58,7 @@ class Separation(Layer):
         self._radii = np.zeros((take.avatar_count, len(PIECES), 2))
         for index, motion in enumerate(poser.motions):
             self._radii[take.cast.policies == index] = piece_radii(motion.body)
+        self._trunks, self._bodies = zip(*(trunk_points(motion) for motion in poser.motions), strict=True)
         landed = find_landed(take)
         self._kicks = landed.of(~landed.missed & (np.isin(landed.limbs, LEGS)))
         self._radii[:, 0] *= np.asarray(take.cast.scales, float)[:, None]
@@ -83,29 +89,51 @@ class Separation(Layer):
         return found
 
     def _find_some(self, frames: Array, avatars: Array) -> Array:
-        take, around = self.poser.take, 1 + AROUND // FINE
-        low, high = max(int(frames[0]) - around, 0), min(int(frames[-1]) + 1 + around, take.frame_count)
-        near, rows = near_avatars(take, avatars, low, high), np.arange(FINE * low, FINE * (high - 1) + 1)
-        points, pushes = self._points(rows, near), np.zeros((len(rows), len(near), 2), np.float32)
-        order = np.argsort(points[:, :, PELVIS_POINT, 0], axis=1, kind="stable")
-        share(len(rows), push_trunks, points, self._radii[near], order, pushes, threads=self.poser.threads, least=2)
-        return _widest(pushes)[::FINE][frames - low][:, np.searchsorted(near, avatars)]
+        take = self.poser.take
+        last = FINE * (take.frame_count - 1)
+        rows = _around(FINE * frames, FINE, last)
+        near = near_avatars(take, avatars, int(rows[0]) // FINE, -(-int(rows[-1]) // FINE) + 1)
+        points, found = self._points(rows, near), np.zeros((len(frames), len(avatars), 2), np.float32)
+        touching = np.empty(points.shape[:2], bool)
+        self._share(find_touching, len(rows), points, self._radii[near], _by_x(points), touching)
+        # Which way bodies go depends on how they meet, before and after; most of a crowd touch nobody.
+        touch = np.flatnonzero(touching.any(axis=0))
+        if not len(touch):
+            return found
+        path, near, points = _around(rows, AROUND, last), near[touch], points[:, touch]
+        here = np.isin(path, rows)
+        paths = np.empty((len(path), *points.shape[1:]), np.float32)
+        paths[here] = points
+        if not here.all():
+            paths[~here] = self._points(path[~here], near)
+        pushes, pushed = np.empty((*points.shape[:2], 2), np.float32), np.zeros((*paths.shape[:2], 2), np.float32)
+        self._share(push_trunks, len(rows), paths, self._radii[near], _by_x(points), np.flatnonzero(here), pushes)
+        pushed[here] = pushes
+        asked, columns = np.flatnonzero(np.isin(avatars, near)), np.flatnonzero(np.isin(near, avatars))
+        found[:, asked] = _widest(pushed)[np.searchsorted(path, FINE * frames)][:, columns]
+        return found
+
+    def _share(self, kernel: Callable[..., None], times: int, *arguments: Any) -> None:
+        share(times, kernel, *arguments, threads=self.poser.threads, least=2)
 
     def _points(self, rows: Array, avatars: Array) -> Array:
         """Points of bodies in the world, NaN of who is down, ``FINE`` times a control frame. (R, n, 11, 3)."""
-        poser, first, stop = self.poser, int(rows[0]) // FINE, int(rows[-1]) // FINE + 1
+        poser, before, after = self.poser, rows // FINE, -(-rows // FINE)
+        first, stop = int(before[0]), int(after[-1]) + 1
         absent = np.asarray(poser.take.action[first:stop])[:, avatars] < 0
         absent |= fallen_rows(poser.take, poser.motions, first, stop, avatars)
-        absent = absent[(rows - rows[0]) // FINE] | absent[-((rows[0] - rows) // FINE)]
-        points = np.full((*absent.shape, POINTS, 3), np.nan, np.float32)
+        absent = absent[before - first] | absent[after - first]
+        points = np.empty((*absent.shape, POINTS, 3), np.float32)
         there = np.flatnonzero(~absent.all(axis=0))
 
         def note(block: Block) -> None:
-            window, some = block.part.window, there[block.which]
-            joints = window.world_joints(block.poses)
-            points[:, some] = body_points(window.motion, *joints, poser.take.cast.scales[avatars[some]])
+            part, some = block.part, there[block.which]
+            scales = np.asarray(poser.take.cast.scales, dtype=float)[avatars[some]]
+            share(len(some), place_points, self._bodies[part.policy], block.poses, scales,
+                  poser.take.cast.stretches[avatars[some]], some, points, threads=poser.threads)  # fmt: skip
 
-        poser.stretch(note, avatars[there], rows / (FINE * poser.take.control_rate), self.needs[0])
+        poser.stretch(note, avatars[there], rows / (FINE * poser.take.control_rate), self.needs[0], (),
+                      self._trunks)  # fmt: skip
         points[absent] = np.nan
         self._fold_kicking_legs(rows, avatars, points)
         return points
@@ -122,18 +150,19 @@ class Separation(Layer):
             leg[:, 1:] = leg[:, :1]
 
 
-def body_points(motion: PoseMotion, positions: Array, rotations: Array, scales: Array) -> Array:
-    """Points of bodies with joints (T, n, J, 3) and (T, n, J, 4), of sizes (n,). Shape (T, n, 11, 3)."""
-    body, roles, sizes = motion.body, motion.body.roles, np.asarray(scales, dtype=float)[:, None]
-    head, chest, across = roles["head"], roles["chest"], trunk_capsules(body)[-1]
-    trunk, ends = [roles["neck"], roles["pelvis"]], [body.capsule_starts[across], body.capsule_ends[across]]
-    found = np.empty((*positions.shape[:2], POINTS, 3))
-    found[:, :, HEAD_POINT] = positions[:, :, head] + sizes * quaternion.rotate(rotations[:, :, head], body.head_offset)
-    found[:, :, NECK_POINT:LEG_POINT] = positions[:, :, trunk]
-    found[:, :, LEG_POINT:SHOULDER_POINT] = positions[:, :, motion.legs.joints.reshape(-1)]
-    turned = quaternion.rotate(np.repeat(rotations[:, :, None, chest], 2, axis=2), np.stack(ends))
-    found[:, :, SHOULDER_POINT:] = positions[:, :, None, chest] + sizes[..., None] * turned
-    return found
+def trunk_points(motion: PoseMotion) -> tuple[PoseMotion, BodyPoints]:
+    """Return the motion of the joints that the ``POINTS`` of bodies hang on, and these points."""
+    body, roles = motion.body, motion.body.roles
+    joints, ends = np.empty(POINTS, np.int64), np.zeros((POINTS, 3))
+    joints[[HEAD_POINT, NECK_POINT, PELVIS_POINT]] = roles["head"], roles["neck"], roles["pelvis"]
+    joints[LEG_POINT:SHOULDER_POINT] = motion.legs.joints.reshape(-1)
+    joints[SHOULDER_POINT:] = roles["chest"]
+    across = trunk_capsules(body)[-1]
+    ends[HEAD_POINT], ends[SHOULDER_POINT:] = body.head_offset, (body.capsule_starts[across], body.capsule_ends[across])
+    chain = chain_of(motion.skeleton, joints.tolist())
+    trunk = motion.of_joints(chain)
+    parents, offsets = trunk.skeleton.parents.astype(np.int64), np.ascontiguousarray(trunk.skeleton.offsets, np.float32)
+    return trunk, BodyPoints(parents, offsets, trunk.segments, np.searchsorted(chain, joints), ends)
 
 
 def piece_radii(body: Body) -> Array:
@@ -149,6 +178,17 @@ def _taper(radii: Array) -> list[float]:
     """Radii of a bone with such capsules at its upper and its lower end, 0 where it has none."""
     widest = float(radii.max(initial=0.0))
     return [widest, float(radii.min(initial=widest))]
+
+
+def _around(rows: Array, away: int, last: int) -> Array:
+    """Return rows (R,), ascending, and those no further away from one, from 0 to the last. Ascending."""
+    near = np.unique(rows[:, None] + np.arange(-away, away + 1))
+    return near[(near >= 0) & (near <= last)]
+
+
+def _by_x(points: Array) -> Array:
+    """Return avatars by x of the pelvis, absent ones last, at each time. Shape (T, n)."""
+    return np.argsort(points[:, :, PELVIS_POINT, 0], axis=1, kind="stable")
 
 
 def _widest(pushes: Array) -> Array:
