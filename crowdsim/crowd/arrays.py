@@ -146,9 +146,9 @@ class Avatars(NamedTuple):
         z: Likewise.
         heading: Where it looks [rad]. Shape (N,), float64.
         number: Number of the avatar in each slot. Shape (N,), int32.
-        policy: Its policy. Shape (N,), int32.
+        policy: Its policy. Shape (N,), int16.
         team: Its team, -2 less it while the avatar is down. Shape (N,), int32.
-        skip: Team that its opponent may not be of, -1 nearest of anyone, -2 ``fixed`` says. Shape (N,), int32.
+        skip: Team that its opponent may not be of, -1 nearest of anyone, -2 ``fixed`` says. Shape (N,), int16.
         fixed: Opponent that a script gives it, as ``opponent``. Shape (N,), int32.
         opponent: Number of its opponent, -2 - k for scripted target k, -1 for none. Shape (N,), int32.
         motion: What others see of its motion. Shape (N,), ``MOTION``.
@@ -160,7 +160,7 @@ class Avatars(NamedTuple):
         shown: Motion (``Model.twins``) of each number's latest actions, a ring by decisions;
             ``shown_motion.NONE`` for none. Shape (N, 16), uint16.
         marks: Frames in which motion was last shown around cells of the ground (``shown_motion``). Shape (a power of
-            2,), uint16.
+            2,), uint8.
         conditions: The state of each number in a fight. Shape (N,), or (0,) where nothing of this is used,
             ``CONDITION``.
         seen: What each number's opponent was like when it decided on its latest actions with strikes, those of even

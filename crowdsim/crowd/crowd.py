@@ -16,7 +16,7 @@ from crowdsim.crowd.distributions import EVEN_TEMPERED
 from crowdsim.crowd.initial_states import first_actions
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.records import CONDITION, FIGHT, MOTION, PLAYBACK, RULE, SEEN, SLIDE, empty_records, records
-from crowdsim.crowd.kernels.shown_motion import LATEST, NONE
+from crowdsim.crowd.kernels.shown_motion import LATEST, LONG_AGO, NONE
 from crowdsim.errors import RunError
 from crowdsim.places.kernels.records import PART
 from crowdsim.scenario.parts import MAXIMUM_FRAMES
@@ -30,7 +30,6 @@ ANYONE, SCRIPTED = -1, -2
 
 _MARKS, _LEAST_MARKS = 32, 1 << 14
 """Marks of shown motion for each avatar, and for a crowd at the least."""
-_LONG_AGO = 1 << 15
 
 
 @dataclass(frozen=True)
@@ -257,9 +256,9 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
         z=np.zeros(count),
         heading=np.zeros(count),
         number=numbers,
-        policy=np.asarray(crowd.cast.policies)[numbers].astype(np.int32),
+        policy=np.asarray(crowd.cast.policies)[numbers].astype(np.int16),
         team=np.asarray(crowd.cast.teams)[numbers].astype(np.int32),
-        skip=np.asarray(crowd.skip)[numbers].astype(np.int32),
+        skip=np.asarray(crowd.skip)[numbers].astype(np.int16),
         fixed=np.asarray(crowd.fixed)[numbers].astype(np.int32),
         opponent=np.zeros(count, np.int32),
         motion=empty_records(count, MOTION),
@@ -270,7 +269,7 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
         slot_of=slot_of,
         shown=np.empty((count, LATEST), np.uint16),
         conditions=np.zeros(count if crowd.conditioned else 0, CONDITION),
-        marks=np.full(1 << (max(_LEAST_MARKS, _MARKS * count) - 1).bit_length(), _LONG_AGO, np.uint16),
+        marks=np.full(1 << (max(_LEAST_MARKS, _MARKS * count) - 1).bit_length(), LONG_AGO, np.uint8),
         seen=np.zeros((count, 2), SEEN),
     )
     motion, playback, cast = avatars.motion, avatars.playback, crowd.cast
@@ -314,25 +313,21 @@ def enter(
         raise RunError(
             f"avatar {numbers[i]} starts at ({x[i]}, {z[i]}) with heading {heading[i]}, expected finite numbers"
         )
-    policy, scale = avatars.policy[slots], avatars.playback["scale"][slots]
+    policy = avatars.policy[slots]
     action = first_actions(crowd.seed, crowd.cast.stances, model, numbers, policy, is_calm)
     length = model.actions["length"][action]
     ground = model.ground[model.actions["origin"][action] + length * model.policies["stride"][policy]]
-    turn = heading - ground["heading"]
-    cos, sin = np.cos(turn) * scale, np.sin(turn) * scale
     avatars.x[slots], avatars.z[slots], avatars.heading[slots], avatars.opponent[slots] = x, z, heading, -1
     began = {
         "motion": {
             **{"end_x": x, "end_z": z, "halt_x": x, "halt_z": z},
-            **{"phase": length, "action": action, "pending": layout.NO_STRIKE},
+            **{"phase": length, "action": action},
         },
         "playback": {
-            "base_x": x - ground["x"] * cos - ground["z"] * sin,
-            "base_z": z + ground["x"] * sin - ground["z"] * cos,
-            **{"base_cos": cos, "base_sin": sin, "base_turn": turn},
-            **{"phase_before": length, "action_before": layout.ENTERED},
+            **{"base_turn": heading - ground["heading"], "phase_before": length},
+            **{"action_before": layout.ENTERED, "pending": layout.NO_STRIKE},
         },
-        "fight": {"opponent_before": -1, "next_opponent": -1, "hit_by": -1, "thrown": -1, "hit_frame": -np.inf},
+        "fight": {"next_opponent": -1, "hit_by": -1, "thrown": -1, "hit_frame": layout.NEVER},
     }
     for part, fields in began.items():
         for name, values in fields.items():

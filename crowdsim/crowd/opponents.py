@@ -119,7 +119,7 @@ class ScipyIndex(TreeIndex):
 
     def observe(self, avatars: Avatars, due: Array, reach: float, out: Observed) -> None:
         """Write the nearest opponent's slot, and the slots of neighbours, for each slot of ``due``, which ascend."""
-        skip_none = np.full(len(avatars.x), -2, np.int32)
+        skip_none = np.full(len(avatars.x), -2, np.int16)
         assert self._tree is not None
         observe(self._tree, due, skip_none, avatars.opponent, avatars.slot_of, reach, out)
         for skip, (slots, tree) in self._trees.items():

@@ -45,20 +45,18 @@ def take_over(avatars: Avatars, rolled: Avatars, present: int) -> Array:
     Returns:
         Slots of those that are about to strike, and begin as without a pre-roll. Shape (K,), int32.
     """
-    strikes = rolled.motion["pending"][rolled.slot_of[avatars.number[:present]]] != layout.NO_STRIKE
+    strikes = rolled.playback["pending"][rolled.slot_of[avatars.number[:present]]] != layout.NO_STRIKE
     slots = np.flatnonzero(~strikes)
     numbers = avatars.number[slots]
     source = rolled.slot_of[numbers]
     motion, playback = rolled.motion[source], rolled.playback[source]
     turn = avatars.heading[slots] - rolled.heading[source]
     cos, sin = np.cos(turn), np.sin(turn)
-    for fields, name in ((motion, "end"), (motion, "halt"), (playback, "base")):
-        x, z = fields[f"{name}_x"] - rolled.x[source], fields[f"{name}_z"] - rolled.z[source]
-        fields[f"{name}_x"] = avatars.x[slots] + x * cos + z * sin
-        fields[f"{name}_z"] = avatars.z[slots] - x * sin + z * cos
+    for name in ("end", "halt"):
+        x, z = motion[f"{name}_x"] - rolled.x[source], motion[f"{name}_z"] - rolled.z[source]
+        motion[f"{name}_x"] = avatars.x[slots] + x * cos + z * sin
+        motion[f"{name}_z"] = avatars.z[slots] - x * sin + z * cos
     playback["base_turn"] += turn
-    playback["base_cos"] = playback["scale"] * np.cos(playback["base_turn"])
-    playback["base_sin"] = playback["scale"] * np.sin(playback["base_turn"])
     avatars.motion[slots], avatars.playback[slots] = motion, playback
     avatars.opponent[slots], avatars.shown[numbers] = rolled.opponent[source], rolled.shown[numbers]
     for name in ("piece", "does", "does_next") if len(avatars.conditions) else ():

@@ -17,6 +17,7 @@ from crowdsim.crowd.kernels.layout import ENTERED, Now, Observed
 from crowdsim.crowd.kernels.record import write_record
 from crowdsim.crowd.kernels.records import THROWN
 from crowdsim.crowd.kernels.resolve import list_strikes, resolve
+from crowdsim.crowd.kernels.shown_motion import renew_marks
 from crowdsim.crowd.kernels.staggers import NEIGHBOURS, SEES, list_thrown, stagger
 from crowdsim.crowd.opponents import Index
 from crowdsim.crowd.workers import Workers
@@ -45,13 +46,12 @@ class Stages:
     def __init__(self, crowd: Crowd, model: Model, avatars: Avatars, index: Index, workers: Workers) -> None:
         self._crowding, self._model, self._avatars = crowd.crowding, model, avatars
         self._index, self._workers = index, workers
-        self._due = np.empty(crowd.count, np.int32)
         self._rooms: list[tuple[Observed, Scratch]] = []
 
     @property
     def nbytes(self) -> int:
         """Memory of the stages."""
-        return self._due.nbytes + sum(values.nbytes for room in self._rooms for part in room for values in part)
+        return sum(values.nbytes for room in self._rooms for part in room for values in part)
 
     def run(self, world: World, now: Now, fresh: Array, rows: Record, timings: Array, moves: bool = True) -> Array:
         """Run a frame into the first of ``rows``, and return the strikes thrown since the frame before.
@@ -69,6 +69,7 @@ class Stages:
         """
         avatars, model, workers = self._avatars, self._model, self._workers
         clock = [perf_counter_ns()]
+        renew_marks(avatars.marks, now.frame)
         due = self._find_due(world, now, fresh) if moves else fresh
         clock.append(perf_counter_ns())
         before = avatars.number[due] if len(due) else due
@@ -108,16 +109,20 @@ class Stages:
 
     def _advance(self, world: World, now: Now) -> Array:
         """Move everyone by one frame; return the slots of those whose action has ended."""
-        found: dict[int, int] = {}
+        found: dict[int, Array] = {}
+        lost: list[int] = []
 
         def move(first: int, last: int) -> None:
-            found[first] = advance(self._model, self._avatars, world, now.frame, first, last, self._due, False)
+            due = np.empty(last - first, np.int32)
+            held = advance(self._model, self._avatars, world, now.frame, first, last, due, False)
+            if held < 0:
+                lost.append(-1 - held)
+            found[first] = due[: max(held, 0)].copy()
 
         self._workers.each(move, now.present)
-        for held in found.values():
-            if held < 0:
-                raise lost_avatar(self._avatars, -1 - held, now.frame)
-        return np.concatenate([self._due[first : first + held] for first, held in sorted(found.items())])
+        if lost:
+            raise lost_avatar(self._avatars, min(lost), now.frame)
+        return np.concatenate([found[first] for first in sorted(found)])
 
     def _decide(self, world: World, now: Now, due: Array, chosen: Array) -> float:
         """Let avatars observe and choose; return the share of the time that observing took."""
@@ -161,10 +166,10 @@ class Stages:
         found: dict[int, Array] = {}
 
         def throw(first: int, last: int) -> None:
-            room = 64 + (last - first) // 3
+            room, who = 64 + (last - first) // 3, np.empty(last - first, np.int32)
             while True:
                 strikes = empty_strikes(room)
-                held = list_strikes(self._model, self._avatars, world, now, first, last, self._due, strikes, 0)
+                held = list_strikes(self._model, self._avatars, world, now, first, last, who, strikes, 0)
                 if held <= room:
                     found[first] = strikes[:held]
                     return

@@ -7,10 +7,12 @@ from typing import Protocol
 
 import numpy as np
 
+from crowdsim.core.threats import DISTANCES
 from crowdsim.core.types import Array
 from crowdsim.crowd.arrays import Avatars, Model, World
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.kernels import layout
+from crowdsim.crowd.kernels.choose import BURSTS
 from crowdsim.crowd.kernels.shown_motion import NONE
 from crowdsim.crowd.opponents import Index
 from crowdsim.crowd.outcome import Outcome
@@ -79,13 +81,15 @@ def _check_integers(simulation: Changing, state: Mapping[str, Array]) -> None:
     policy = state["avatars.policy"]
     first, last = model.policies["actions"][policy], model.policies["actions"][policy + 1] - 1
     limits: dict[str, tuple[int | Array, int | Array]] = {
-        **dict.fromkeys(("fixed", "opponent", "fight.opponent_before", "fight.next_opponent"), (least, count - 1)),
+        **dict.fromkeys(("fixed", "opponent", "fight.next_opponent"), (least, count - 1)),
         "skip": (-2, int(simulation.crowd.cast.teams.max(initial=0))),
         "fight.decisions": (0, most),
         "motion.action": (first, last),
-        "motion.pending": (-1, layout.NO_STRIKE),
-        "fight.burst": (0, most),
+        "playback.pending": (-1, layout.NO_STRIKE),
+        "fight.burst": (0, BURSTS[1]),
         "fight.hit_by": (-1, count - 1),
+        "fight.hit_frame": (layout.NEVER, most),
+        "fight.threat": (-1, len(DISTANCES)),
         "fight.thrown": (-1, len(model.twins) - 1),
         "fight.thrown_until": (-1, most),
     }
@@ -107,8 +111,7 @@ def _check_numbers(simulation: Changing, state: Mapping[str, Array]) -> None:
     model = simulation.model
     for name, values in state.items():
         if name.startswith(_BOUNDED) and values.dtype.kind == "f":
-            never = np.isneginf(values) if name == "avatars.fight.hit_frame" else np.zeros(values.shape, bool)
-            _refuse(name, values, (np.abs(values) <= FAR) | never)
+            _refuse(name, values, np.abs(values) <= FAR)
     action, before = state["avatars.motion.action"], state["avatars.playback.action_before"]
     before = np.where(before >= 0, before, action)
     for name, shown in (("motion.phase", action), ("playback.phase_before", before)):

@@ -24,6 +24,16 @@ def set_fields(avatars, names, slot, values):
         field(avatars, name)[slot] = value
 
 
+def base(model, avatars, slot):
+    """Return where the action of an avatar that does not slide is based: x and z."""
+    motion, playback = avatars.motion[slot], avatars.playback[slot]
+    stride = model.policies["stride"][avatars.policy[slot]]
+    end = model.ground[model.actions["origin"][motion["action"]] + model.actions["length"][motion["action"]] * stride]
+    cos, sin = (playback["scale"] * part(playback["base_turn"]) for part in (np.cos, np.sin))
+    x, z = motion["end_x"] - end["x"] * cos - end["z"] * sin, motion["end_z"] + end["x"] * sin - end["z"] * cos
+    return np.array([x, z])
+
+
 def set_situations(scratch, columns):
     """Set the first fields of the situations of a batch, a column each."""
     for name, column in zip(scratch.situations.dtype.names, np.transpose(columns), strict=False):

@@ -6,7 +6,7 @@ import naive_crowd
 import naive_defence
 import numpy as np
 import pytest
-from avatar_fields import set_fields
+from avatar_fields import base
 from synthetic_policy import policy
 
 from crowdsim.core.threats import CELLS
@@ -90,13 +90,16 @@ def swap(one, j, action):
     sin, cos, turn = np.sin, np.cos, one.avatars.playback["base_turn"][j]
     gx, gz, gh = starts[one.avatars.motion["action"][j]].tolist()
     scale, start = one.avatars.playback["scale"][j], turn + gh
-    x = one.avatars.playback["base_x"][j] + scale * (gx * cos(turn) + gz * sin(turn))
-    z = one.avatars.playback["base_z"][j] + scale * (gz * cos(turn) - gx * sin(turn))
+    x, z = base(one.model, one.avatars, j)
+    x, z = x + scale * (gx * cos(turn) + gz * sin(turn)), z + scale * (gz * cos(turn) - gx * sin(turn))
     gx, gz, gh = starts[action].tolist()
     turn = start - gh
-    set_fields(one.avatars, "base_turn base_cos base_sin", j, (turn, scale * cos(turn), scale * sin(turn)))
-    one.avatars.playback["base_x"][j] = x - scale * (gx * cos(turn) + gz * sin(turn))
-    one.avatars.playback["base_z"][j] = z - scale * (gz * cos(turn) - gx * sin(turn))
+    last = one.model.actions["length"][action] * one.model.policies["stride"][0]
+    end_x, end_z, _ = one.model.ground[one.model.actions["origin"][action] + last].tolist()
+    gx, gz = end_x - gx, end_z - gz
+    one.avatars.playback["base_turn"][j] = turn
+    one.avatars.motion["end_x"][j] = x + scale * (gx * cos(turn) + gz * sin(turn))
+    one.avatars.motion["end_z"][j] = z + scale * (gz * cos(turn) - gx * sin(turn))
     one.avatars.motion["action"][j] = action
 
 
@@ -120,15 +123,14 @@ def test_nothing_decided_within_the_reaction_time_is_reacted_to():
             for other in range(offsets[state], offsets[state + 1]):
                 if one.model.actions["length"][other] <= one.avatars.motion["phase"][j] or other == action:
                     continue
-                playback = one.avatars.playback.copy()
+                motion, playback = one.avatars.motion.copy(), one.avatars.playback.copy()
                 swap(one, j, other)
                 victims = np.flatnonzero(opponents == one.avatars.number[j])
                 now, unhidden = threats(one, reaction), threats(one, 0)
                 compared += len(victims)
                 differed += sum(not same(unhidden[v], before[v]) for v in victims)
                 assert all(same(now[v], before[v]) for v in victims)
-                one.avatars.motion["action"][j] = action
-                one.avatars.playback[:] = playback
+                one.avatars.motion[:], one.avatars.playback[:] = motion, playback
     assert compared > 0
     assert differed > 0
 

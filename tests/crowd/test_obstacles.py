@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from avatar_fields import base
 from naive_places import gap_to, stands
 from synthetic_policy import policy
 from test_damage import fighters, with_falls
@@ -93,8 +94,7 @@ def test_roots_slide_evenly_to_where_there_will_be_room():
 
     def bases():
         slots = one.avatars.slot_of[: one.crowd.count]
-        rows = one.avatars.playback[slots]
-        return one.avatars.motion["action"][slots].copy(), np.column_stack([rows["base_x"], rows["base_z"]])
+        return one.avatars.motion["action"][slots].copy(), base(one.model, one.avatars, slots).T
 
     actions, before = bases()
     last, known, growth, slid = np.zeros(len(before)), np.zeros(len(before), bool), [], 0

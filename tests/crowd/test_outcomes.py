@@ -56,8 +56,7 @@ def pair(glove=AWAY, elbow=AWAY, seen=HEAD, head=HEAD, place=(0.0, 0.0, 0.0), ta
     avatars = build_avatars(build_crowd(np.zeros(2), np.zeros(2)), model)
     victim = x + REACH * math.sin(turn), z + REACH * math.cos(turn), turn + math.pi
     for i, (px, pz, heading) in enumerate((place, victim)):
-        set_fields(avatars, "x z heading base_x base_z base_turn", i, (px, pz, heading) * 2)
-        set_fields(avatars, "base_cos base_sin", i, (math.cos(heading), math.sin(heading)))
+        set_fields(avatars, "x z heading end_x end_z base_turn", i, (px, pz, heading) * 2)
     avatars.playback["action_before"] = -1
     avatars.seen[0] = (*victim, 1.0)
     opponent, targets = 1, np.zeros((2, 0, 3))

@@ -36,7 +36,7 @@ def test_nobody_is_about_to_strike_who_does_not_decide_to():
     simulation = Simulation(people())
     rolled = ~np.isin(np.arange(N), simulation._fresh)
     assert rolled.sum() > 2
-    assert (simulation.avatars.motion["pending"][rolled] == NO_STRIKE).all()
+    assert (simulation.avatars.playback["pending"][rolled] == NO_STRIKE).all()
 
 
 def test_the_pre_roll_has_a_stream_of_its_own_and_changes_with_its_length():

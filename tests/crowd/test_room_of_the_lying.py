@@ -121,6 +121,8 @@ def test_a_body_slides_smoothly_over_the_action_in_which_it_falls() -> None:
     set_fields(one.avatars, "slide_x slide_z", slot, (0.3, -0.1))
     rise = np.polynomial.Polynomial([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
     begun, length = one.avatars.motion["phase"][slot], one.model.actions["length"][action]
+    end = fields(one.avatars, "end_x end_z", slot) + (1.0 - rise(begun / length)) * np.array([0.3, -0.1])
+    set_fields(one.avatars, "end_x end_z", slot, end)
     while one.avatars.motion["phase"][slot] + one.avatars.motion["speed"][slot] < length:
         one.run(1)
         other.run(1)

@@ -72,7 +72,7 @@ def test_a_hit_throws_by_the_square_of_its_strength(strength: float, push: float
     strikes["attacker"], strikes["victim"], strikes["outcome"] = 0, 1, layout.LANDED
     strikes["frame"], strikes["speed"] = one.frame - 0.5, strength * one.model.sizes["strong"][0]
     slot = int(one.avatars.slot_of[1])
-    one.avatars.motion["pending"][slot] = layout.NO_STRIKE
+    one.avatars.playback["pending"][slot] = layout.NO_STRIKE
     note_hits(one.model, one.avatars, one.frame, strikes, 0, 1)
     out = np.zeros(1, THROWN)
     count = list_thrown(one.model, one.avatars, one._world, one._now._replace(frame=one.frame), strikes, 0, 1, out)
@@ -81,7 +81,7 @@ def test_a_hit_throws_by_the_square_of_its_strength(strength: float, push: float
         assert out["slot"][0] == slot
         assert out["push"][0] == pytest.approx(push)
     # An avatar that has just thrown a strike itself keeps its feet.
-    one.avatars.motion["pending"][slot] = -1
+    one.avatars.playback["pending"][slot] = -1
     assert list_thrown(one.model, one.avatars, one._world, one._now._replace(frame=one.frame), strikes, 0, 1, out) == 0
 
 
@@ -92,7 +92,8 @@ def test_an_avatar_that_is_about_to_strike_is_thrown_by_less(strength: float, le
     slot = int(one.avatars.slot_of[1])
     motion, fight = one.avatars.motion, one.avatars.fight
     longest = int(np.argmax(one.model.actions["length"]))
-    motion["action"][slot], motion["phase"][slot], motion["pending"][slot] = longest, 0.0, left
+    motion["action"][slot], motion["phase"][slot] = longest, 0.0
+    one.avatars.playback["pending"][slot] = left
     strikes = np.zeros(1, STRIKE)
     strikes["attacker"], strikes["victim"], strikes["outcome"] = 0, 1, layout.LANDED
     fight["hit_by"][slot], fight["hit_frame"][slot] = 0, one.frame

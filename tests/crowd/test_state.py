@@ -118,7 +118,7 @@ def test_a_state_of_another_crowd_is_refused(change: dict[str, Any], message: st
         simulation.restore(state)
 
 
-@pytest.mark.parametrize("name", ["heading", "playback.base_x", "playback.base_turn", "slides.x", "motion.end_z"])
+@pytest.mark.parametrize("name", ["heading", "motion.halt_x", "playback.base_turn", "slides.x", "motion.end_z"])
 @pytest.mark.parametrize("value", [np.nan, 1e300])
 def test_a_state_with_numbers_that_cannot_be_is_refused(name: str, value: float) -> None:
     # Where avatars may fall there is room for how far they slide.

@@ -24,6 +24,7 @@ from crowdsim.crowd.cuda.threads import COUNTERS, DUE, LOST, THROWN, Search, Wor
 from crowdsim.crowd.kernels.layout import Now, Observed
 from crowdsim.crowd.kernels.record import write_record
 from crowdsim.crowd.kernels.records import STRIKE
+from crowdsim.crowd.kernels.shown_motion import RENEWED
 from crowdsim.crowd.opponents import GROWN, SORT_EVERY, TreeIndex
 from crowdsim.crowd.stages import Stages, lost_avatar
 from crowdsim.crowd.workers import Workers
@@ -132,6 +133,7 @@ class CudaStages:
         fresh = self._sort(now.present, fresh)
         work = self._begin(world, now, fresh)
         clock.lap()
+        self._launch("renew_mark", len(self._avatars.marks) // RENEWED)
         everyone_decides = not moves or len(fresh) == now.present
         if everyone_decides:
             self._count(DUE, len(fresh))

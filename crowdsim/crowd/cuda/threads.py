@@ -21,6 +21,7 @@ from crowdsim.crowd.kernels.layout import ENTERED, Observed
 from crowdsim.crowd.kernels.observe import observe
 from crowdsim.crowd.kernels.record import write_record
 from crowdsim.crowd.kernels.resolve import list_strikes, note_hits
+from crowdsim.crowd.kernels.shown_motion import marks_of, renew
 
 BLOCK = 128
 """Threads of a block."""
@@ -123,11 +124,20 @@ def scratch_of(scratch, row):
     )  # fmt: skip
 
 
+def renew_mark(work):
+    """Let a mark stay old that is, of those whose turn it is."""
+    marks, frame = work.avatars.marks, work.now.frame
+    first, last = marks_of(marks, frame)
+    k = first + cuda.grid(1)
+    if k < last:
+        renew(marks, frame, k)
+
+
 def advance_avatar(work):
     """Move an avatar by one frame, and list it where its action has ended."""
     i = cuda.grid(1)
     if i < work.now.present:
-        held = advance(work.model, work.avatars, work.world, work.now.frame, i, i + 1, work.spare, False)
+        held = advance(work.model, work.avatars, work.world, work.now.frame, i, i + 1, work.spare[i:], False)
         if held < 0:
             cuda.atomic.max(work.counters, LOST, i + 1)
         elif held > 0:
@@ -224,7 +234,7 @@ def throw_strikes(work):
         first = room = 0
         for _ in range(2):
             out = work.strikes[first : first + room]
-            held = list_strikes(work.model, work.avatars, work.world, work.now, i, i + 1, work.spare, out, 0)
+            held = list_strikes(work.model, work.avatars, work.world, work.now, i, i + 1, work.spare[i:], out, 0)
             if room > 0 or held == 0:
                 break
             first, room = cuda.atomic.add(work.counters, THROWN, held), held
@@ -260,6 +270,6 @@ def record_avatar(work):
 
 
 THREADS = (
-    *(advance_avatar, hold_avatar, fit_leaf, fit_inner_nodes, find_neighbours, observe_avatar, evaluate_actions),
-    *(choose_action, start_action, throw_strikes, link_hit, note_hits_of_avatar, record_avatar),
+    *(renew_mark, advance_avatar, hold_avatar, fit_leaf, fit_inner_nodes, find_neighbours, observe_avatar),
+    *(evaluate_actions, choose_action, start_action, throw_strikes, link_hit, note_hits_of_avatar, record_avatar),
 )

@@ -6,11 +6,12 @@ import numpy as np
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.easing import minimum_jerk
+from crowdsim.crowd.kernels.bases import base_at, base_of
 from crowdsim.crowd.kernels.confinement import AHEAD as LOOKS_AHEAD
 from crowdsim.crowd.kernels.confinement import confine, prefetch_outline
 from crowdsim.crowd.kernels.forced_actions import note_condition
 from crowdsim.crowd.kernels.interpolation import ground_at
-from crowdsim.crowd.kernels.layout import AHEAD, ENTERED, NO_STRIKE
+from crowdsim.crowd.kernels.layout import AHEAD, NO_STRIKE
 from crowdsim.crowd.kernels.prefetch import prefetch, prefetch_avatar
 from crowdsim.crowd.kernels.shown_motion import is_varied, note_shown, prefetch_marks
 from crowdsim.jit import kernel
@@ -28,27 +29,23 @@ def _next_strike(actions, strikes, action, phase):
 
 @kernel(inline=True)
 def advance(model, avatars, world, frame, first, last, due, few):
-    """Move avatars by one frame; list in ``due[first:]`` those whose action has ended.
+    """Move avatars ``first`` to ``last`` by one frame; list in ``due`` those whose action has ended.
 
     Where they are ``few``, what the next frame will read is prefetched. Returns how many are listed, or -1 - i
     where the position of avatar i is not a number.
     """
     motion, playback = avatars.motion, avatars.playback
     actions, ground, policies = model.actions, model.ground, model.policies
-    held, slides, confined = first, avatars.conditions.shape[0] > 0, world.places.parts.shape[0] > 0
+    held, confined = 0, world.places.parts.shape[0] > 0
     for i in range(first, last):
         action = motion[i].action
         length, before = actions[action].length, motion[i].phase
-        if before > motion[i].pending:
-            motion[i].pending = _next_strike(actions, model.strikes, action, before)
+        if before > playback[i].pending:
+            playback[i].pending = _next_strike(actions, model.strikes, action, before)
         phase = before + motion[i].speed
         playback[i].phase_before = min(before, length)
         motion[i].phase = phase
         playback[i].action_before = -1
-        if slides and (avatars.slides[i].x != 0.0 or avatars.slides[i].z != 0.0):
-            share = minimum_jerk(phase / length) - minimum_jerk(before / length)
-            playback[i].base_x += share * avatars.slides[i].x
-            playback[i].base_z += share * avatars.slides[i].z
         stride = policies[avatars.policy[i]].stride
         shown = actions[action].origin + min(phase, length) * stride
         if few:
@@ -56,9 +53,8 @@ def advance(model, avatars, world, frame, first, last, due, few):
             prefetch(ground, soon)
             prefetch(model.bodies, soon)
         gx, gz, turned = ground_at(ground, shown)
-        cos, sin = playback[i].base_cos, playback[i].base_sin
-        x = playback[i].base_x + gx * cos + gz * sin
-        z = playback[i].base_z - gx * sin + gz * cos
+        base_x, base_z, cos, sin = base_at(model, avatars, i)
+        x, z = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
         heading = playback[i].base_turn + turned
         avatars.x[i], avatars.z[i], avatars.heading[i] = x, z, heading
         if not math.isfinite(x + z + heading):
@@ -67,7 +63,7 @@ def advance(model, avatars, world, frame, first, last, due, few):
             confine(model, avatars, world, frame, i)
         due[held] = i
         held += phase >= length
-    return held - first
+    return held
 
 
 @kernel(inline=True)
@@ -103,14 +99,14 @@ def switch(model, avatars, world, frame, due, chosen, first, last):
         if varied:
             note_shown(model, avatars, frame, i, new)
         phase = min(motion[i].phase - actions[old].length, motion[i].speed)
-        missing = motion[i].pending < actions[old].length
+        missing = playback[i].pending < actions[old].length
         start_action(model, avatars, world, frame, i, new, phase)
-        motion[i].pending = -1 if missing else actions[new].first_strike
+        playback[i].pending = -1 if missing else actions[new].first_strike
         playback[i].action_before = old
         if confined:
             confine(model, avatars, world, frame, i)
-        avatars.fight[i].opponent_before = avatars.opponent[i]
-        avatars.opponent[i] = avatars.fight[i].next_opponent
+        before, avatars.opponent[i] = avatars.opponent[i], avatars.fight[i].next_opponent
+        avatars.fight[i].next_opponent = before
         avatars.fight[i].decisions += 1
 
 
@@ -118,31 +114,24 @@ def switch(model, avatars, world, frame, due, chosen, first, last):
 def start_action(model, avatars, world, frame, i, new, phase):
     """Start an action on the ground transform of an avatar, with some frames of motion done already."""
     motion, playback = avatars.motion, avatars.playback
-    actions, ground, starts, policies = model.actions, model.ground, model.starts, model.policies
+    actions, ground, policies = model.actions, model.ground, model.policies
     stride, scale = policies[avatars.policy[i]].stride, playback[i].scale
     origin = actions[new].origin
     x, z, heading = avatars.x[i], avatars.z[i], avatars.heading[i]
     heading -= 2.0 * math.pi * math.floor(heading / (2.0 * math.pi) + 0.5)
-    gx, gz, gh = starts[new].x, starts[new].z, starts[new].heading
-    if playback[i].action_before == ENTERED:
-        # What came before was not seen, so the position is exact without a shift.
-        gx, gz, gh = ground[origin].x, ground[origin].z, ground[origin].heading
     cos, sin = cos_sin(heading)
     cos, sin = cos * scale, sin * scale
     hx, hz = model.halts[new].x, model.halts[new].z
     motion[i].halt_x, motion[i].halt_z = x + hx * cos + hz * sin, z + hz * cos - hx * sin
-    turn = heading - gh
-    cos, sin = cos_sin(turn)
-    cos, sin = cos * scale, sin * scale
-    base_x, base_z = x - gx * cos - gz * sin, z + gx * sin - gz * cos
-    playback[i].base_x, playback[i].base_z = base_x, base_z
-    playback[i].base_cos, playback[i].base_sin, playback[i].base_turn = cos, sin, turn
+    base_x, base_z, cos, sin, turn = base_of(model, avatars, i, new, heading)
+    playback[i].base_turn = turn
     last_frame = origin + actions[new].length * stride
     gx, gz = ground[last_frame].x, ground[last_frame].z
     motion[i].end_x, motion[i].end_z = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
     if avatars.conditions.shape[0] > 0:
-        motion[i].end_x += avatars.slides[i].x
-        motion[i].end_z += avatars.slides[i].z
+        slides = 1.0 - minimum_jerk(phase / actions[new].length)
+        motion[i].end_x += slides * avatars.slides[i].x
+        motion[i].end_z += slides * avatars.slides[i].z
         note_condition(model, avatars, world, frame, i, new)
     gx, gz, heading = ground_at(ground, origin + min(phase, actions[new].length) * stride)
     avatars.x[i], avatars.z[i] = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
@@ -151,36 +140,3 @@ def start_action(model, avatars, world, frame, i, new, phase):
     motion[i].phase = phase
     if avatars.free.shape[0] > 0:
         avatars.free[i] = -1.0
-
-
-@kernel(inline=True)
-def base_before(model, avatars, i):
-    """Return where the action before the present one is based: x, z, cos, sin, turn."""
-    motion, playback = avatars.motion, avatars.playback
-    actions, ground, starts = model.actions, model.ground, model.starts
-    new = motion[i].action
-    gx, gz = starts[new].x, starts[new].z
-    cos, sin = playback[i].base_cos, playback[i].base_sin
-    x = playback[i].base_x + gx * cos + gz * sin
-    z = playback[i].base_z - gx * sin + gz * cos
-    old = playback[i].action_before
-    end = actions[old].origin + actions[old].length * model.policies[avatars.policy[i]].stride
-    turn = playback[i].base_turn + starts[new].heading - ground[end].heading
-    cos, sin = cos_sin(turn)
-    cos, sin = cos * playback[i].scale, sin * playback[i].scale
-    gx, gz = ground[end].x, ground[end].z
-    return x - gx * cos - gz * sin, z + gx * sin - gz * cos, cos, sin, turn
-
-
-@kernel(inline=True)
-def over_ground(model, avatars, i, action, old, fx, fz):
-    """Return over what a point lies that is seen from the start of an avatar's action, or of its ``old`` one."""
-    playback = avatars.playback
-    starts = model.starts
-    base_x, base_z, cos, sin = playback[i].base_x, playback[i].base_z, playback[i].base_cos, playback[i].base_sin
-    if old:
-        base_x, base_z, cos, sin, _ = base_before(model, avatars, i)
-    gx, gz, gh = starts[action].x, starts[action].z, starts[action].heading
-    wx, wz = cos_sin(gh)
-    gx, gz = gx + fx * wx + fz * wz, gz - fx * wz + fz * wx
-    return base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos

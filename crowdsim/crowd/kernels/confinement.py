@@ -2,6 +2,7 @@
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.easing import minimum_jerk
+from crowdsim.crowd.kernels.bases import base_at
 from crowdsim.crowd.kernels.interpolation import ground_at
 from crowdsim.crowd.kernels.layout import LIMB_ROOM, PELVIS, TRUNK_ROOM
 from crowdsim.crowd.kernels.prefetch import prefetch
@@ -82,8 +83,8 @@ def _find_push(model, avatars, places, frame, i, ahead):
     x, z, heading = avatars.x[i], avatars.z[i], avatars.heading[i]
     if ahead > 0:
         gx, gz, turned = ground_at(model.ground, shown)
-        cos, sin = playback[i].base_cos, playback[i].base_sin
-        x, z = playback[i].base_x + gx * cos + gz * sin, playback[i].base_z - gx * sin + gz * cos
+        base_x, base_z, cos, sin = base_at(model, avatars, i)
+        x, z = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
         heading = playback[i].base_turn + turned
         if avatars.conditions.shape[0] > 0:  # only avatars that may fall have a slide
             left = minimum_jerk(done / length) - minimum_jerk(min(motion[i].phase, length) / length)
@@ -139,8 +140,6 @@ def _move(avatars, i, way):
     avatars.free[i] = -1.0
     avatars.x[i] += moved_x
     avatars.z[i] += moved_z
-    avatars.playback[i].base_x += moved_x
-    avatars.playback[i].base_z += moved_z
     motion = avatars.motion[i]
     motion.end_x += moved_x
     motion.end_z += moved_z

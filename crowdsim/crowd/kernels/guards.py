@@ -1,7 +1,7 @@
 """Whether an arm of the victim is in the way of a strike."""
 
 from crowdsim.core.segments import square_between, square_from
-from crowdsim.crowd.kernels.advance import over_ground
+from crowdsim.crowd.kernels.bases import over_ground
 from crowdsim.crowd.kernels.interpolation import point_at
 from crowdsim.crowd.kernels.layout import LEFT_ELBOW, LEFT_FIST, RIGHT_ELBOW, RIGHT_FIST
 from crowdsim.jit import kernel

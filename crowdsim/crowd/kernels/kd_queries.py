@@ -214,7 +214,7 @@ def observe(tree, due, skipped, opponent, slot_of, reach, observed):
             copied = -1
             if listed >= 0:
                 copied = _copy_near(tree, _around(tree.boxes, leaf, reach), listed, space)
-        query = Query(tree.xs[own], tree.zs[own], own, skipped[own])
+        query = Query(tree.xs[own], tree.zs[own], own, np.int32(skipped[own]))
         best, found = _list_neighbours(tree, query, q, copied, reach, observed, space)
         if query.skip == -2:
             found = -1

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowdsim.crowd.kernels.advance import start_action
+from crowdsim.crowd.kernels.bases import base_at
 from crowdsim.crowd.kernels.confinement import confine
 from crowdsim.crowd.kernels.fall_clearance import slide
 from crowdsim.crowd.kernels.falling import SHOWN, note_fall, pick_fall, shown_anywhere, shown_before
@@ -69,9 +70,9 @@ def knock_down(model, avatars, world, now, strikes, first, last, tree, observed,
         note_fall(model, avatars, now.frame, number, SHOWN, 1.0, anywhere)
         slide(model, avatars, world, now.frame, own, row, observed, 0)
         start_action(model, avatars, world, now.frame, own, model.falls[row].action, left[0])
-        avatars.motion[own].pending = model.actions[avatars.motion[own].action].first_strike
+        avatars.playback[own].pending = model.actions[avatars.motion[own].action].first_strike
         avatars.playback[own].action_before, avatars.playback[own].phase_before = -1, left[0]
-        avatars.fight[own].opponent_before = avatars.opponent[own] = avatars.fight[own].next_opponent = -1
+        avatars.opponent[own] = avatars.fight[own].next_opponent = -1
         avatars.fight[own].decisions += 1
         if world.places.parts.shape[0] > 0:
             confine(model, avatars, world, now.frame, own)
@@ -101,13 +102,12 @@ def leave_action(model, avatars, frame, i, hit):
     shown = min(motion[i].phase, length)
     before = math.ceil(max(shown - (frame - hit) * motion[i].speed, 0.0) * stride - 1e-6)
     before = min(before, math.floor(shown * stride + 1e-6))
-    cos, sin = playback[i].base_cos, playback[i].base_sin
     gx, gz, turned = ground_at(model.ground, np.float64(origin + before))
     if playback[i].action_before >= 0:
         # The action began after the last control frame, and is not seen: the fall follows the one before.
         before = 0
         gx, gz, turned = model.starts[action].x, model.starts[action].z, model.starts[action].heading
-    avatars.x[i] = playback[i].base_x + gx * cos + gz * sin
-    avatars.z[i] = playback[i].base_z - gx * sin + gz * cos
+    x, z, cos, sin = base_at(model, avatars, i)
+    avatars.x[i], avatars.z[i] = x + gx * cos + gz * sin, z - gx * sin + gz * cos
     avatars.heading[i] = playback[i].base_turn + turned
     return min(max(shown - before / stride, 0.0), motion[i].speed), np.int64(origin + before)

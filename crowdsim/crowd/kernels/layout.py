@@ -24,9 +24,10 @@ WORK_X, WORK_Z, WORK_DISTANCE, WORK_BEARING, WORK_STATE, WORK_SHARES = range(6)
 
 TRUNK_ROOM, LIMB_ROOM = 0.15, 0.05  # how far head, neck and pelvis keep from obstacles, and fists and soles [m]
 MISSED, LANDED, BLOCKED, EVADED = range(4)  # what becomes of a strike
+NEVER = -(1 << 30)  # instead of a control frame
 ENTERED = -2  # instead of the action before, of avatars that have just entered
 FORESEEN = 45  # how far ahead avatars know the paths of scripted targets [control frames]
-NO_STRIKE = 1 << 30  # instead of a frame, where an action has no strike left
+NO_STRIKE = 1 << 14  # instead of a frame, where an action has no strike left
 LANES = 8  # entries that are worked on at once
 BLOCK = 16  # situations that are evaluated at a time
 AHEAD = 4  # memory is prefetched this many avatars ahead

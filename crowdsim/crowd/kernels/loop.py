@@ -12,6 +12,7 @@ from crowdsim.crowd.kernels.opponents import observe_all
 from crowdsim.crowd.kernels.record import write_record
 from crowdsim.crowd.kernels.records import THROWN
 from crowdsim.crowd.kernels.resolve import list_strikes, resolve
+from crowdsim.crowd.kernels.shown_motion import renew_marks
 from crowdsim.crowd.kernels.staggers import NEIGHBOURS, SEES, list_thrown, stagger
 from crowdsim.jit import kernel
 
@@ -39,6 +40,7 @@ def run_frames(model, avatars, world, now, count, still, fresh, scratch, record,
             return k, held, -1
         then = Now(now.frame + k, now.moment + k, present)
         note_time(timings, clock, 0)
+        renew_marks(avatars.marks, then.frame)
         dues = _find_due(model, avatars, world, then, due, still and k == 0, fresh)
         if dues < 0:
             return k, held, -1 - dues

@@ -3,6 +3,7 @@
 import math
 
 from crowdsim.core.angles import cos_sin
+from crowdsim.crowd.kernels.bases import base_at
 from crowdsim.crowd.kernels.layout import FALLING, FROM_END, RISING, Axis
 from crowdsim.jit import kernel
 
@@ -34,9 +35,9 @@ def floor_transform(model, avatars, j):
     action = motion[j].action
     frame = model.actions[action].origin
     if avatars.conditions[avatars.number[j]].standing == RISING:
-        cos, sin = playback[j].base_cos, playback[j].base_sin
+        base_x, base_z, cos, sin = base_at(model, avatars, j)
         gx, gz = ground[frame].x, ground[frame].z
-        x, z = playback[j].base_x + gx * cos + gz * sin, playback[j].base_z - gx * sin + gz * cos
+        x, z = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
     else:
         frame += model.actions[action].length * model.policies[avatars.policy[j]].stride
         x, z = motion[j].end_x, motion[j].end_z

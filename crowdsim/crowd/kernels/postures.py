@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.bodies import PosedBody
-from crowdsim.crowd.kernels.advance import base_before
+from crowdsim.crowd.kernels.bases import base_at, base_before
 from crowdsim.crowd.kernels.interpolation import ground_at, point_at
 from crowdsim.crowd.kernels.layout import HEAD, NECK, PELVIS
 from crowdsim.jit import kernel
@@ -40,7 +40,7 @@ def standing(model, avatars, j, share):
     motion, playback = avatars.motion, avatars.playback
     actions = model.actions
     action, phase = motion[j].action, min(motion[j].phase, actions[motion[j].action].length)
-    bx, bz, cos, sin = playback[j].base_x, playback[j].base_z, playback[j].base_cos, playback[j].base_sin
+    bx, bz, cos, sin = base_at(model, avatars, j)
     turn = playback[j].base_turn
     if playback[j].action_before < 0:
         phase = playback[j].phase_before + share * (phase - playback[j].phase_before)

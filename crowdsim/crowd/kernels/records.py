@@ -25,13 +25,13 @@ def records(rows, dtype):
     return found
 
 
-_F8, _F4, _I4 = np.float64, np.float32, np.int32
+_F8, _F4, _I4, _I2, _I1 = np.float64, np.float32, np.int32, np.int16, np.int8
 
 MOTION = np.dtype([
     *_fields(_F8, "end_x", "end_z", "halt_x", "halt_z", "width", "phase", "speed"),
-    *_fields(_I4, "action", "pending"),
+    *_fields(_I4, "action"),
 ])  # fmt: skip
-"""What others see of an avatar's motion. It fills one line of memory.
+"""What others see of an avatar's motion.
 
     end_x, end_z: Where the action ends [m].
     halt_x, halt_z: Where the body can halt after the action [m].
@@ -40,40 +40,40 @@ MOTION = np.dtype([
         the next action starts with.
     speed: Frames of motion in a control frame.
     action: The action.
-    pending: The last whole frame of the action before its next strike, -1 where the action before may still have one.
 """
 
 PLAYBACK = np.dtype([
-    *_fields(_F8, "base_x", "base_z", "base_cos", "base_sin", "base_turn", "phase_before", "scale"),
-    *_fields(_I4, "action_before", "cohort"),
+    *_fields(_F8, "base_turn", "phase_before", "scale"),
+    *_fields(_I4, "action_before"),
+    *_fields(_I2, "cohort", "pending"),
 ])  # fmt: skip
-"""How the action of an avatar is played back. It fills one line of memory.
+"""How the action of an avatar is played back.
 
-    base_x, base_z, base_cos, base_sin, base_turn: On what the ground transforms of playback frames are set: position,
-        cosine and sine times scale, and turn.
+    base_turn: By what the ground transforms of playback frames are turned; the position on which they are set follows
+        from where the action ends (``bases.base_at``).
     phase_before: The phase one control frame ago, in the action before.
     scale: Size of the body.
     action_before: The action one control frame ago, negative where there was no decision in this frame.
     cohort: Row of ``World.cohorts``.
+    pending: The last whole frame of the action before its next strike, -1 where the action before may still have one.
 """
 
 FIGHT = np.dtype([
-    *_fields(_F8, "rested", "hit_x", "hit_z", "hit_frame"),
-    *_fields(_I4, "opponent_before", "next_opponent", "decisions", "burst"),
-    *_fields(_I4, "hit_by", "thrown", "thrown_until", "threat"),
+    *_fields(_F8, "rested", "hit_x", "hit_z"),
+    *_fields(_I4, "hit_frame", "next_opponent", "decisions", "hit_by", "thrown", "thrown_until"),
+    *_fields(_I1, "burst", "threat"),
 ])  # fmt: skip
-"""What the decisions of an avatar read; others see its opponent-to-be and its strikes. It fills one line of memory.
+"""What the decisions of an avatar read; others see its opponent-to-be and its strikes.
 
     rested: The frame in which it has recovered from all strikes that it threw.
-    hit_x, hit_z, hit_frame: The last hit, away from the attacker and as long as it was strong (``resolve.note_hits``),
-        and its frame.
-    opponent_before: The opponent before the last decision.
-    next_opponent: The opponent from the next action on, of avatars that have just decided.
+    hit_x, hit_z: The last hit, away from the attacker and as long as it was strong (``resolve.note_hits``).
+    hit_frame: The frame of the last hit, or ``NEVER``.
+    next_opponent: The opponent from the next action on, of avatars that decide; then the one before the last decision.
     decisions: Decisions taken.
-    burst: Strikes left of the present burst, 0 for an avatar that rests.
     hit_by: Number of the avatar that hit it last, or -1.
     thrown, thrown_until: Motion of its latest action with strikes (``Model.twins``), or -1, and the frame in which that
         ends.
+    burst: Strikes left of the present burst, 0 for an avatar that rests.
     threat: How far away its attackers were when it decided (``core.threats``), -1 where it saw a strike coming.
 """
 

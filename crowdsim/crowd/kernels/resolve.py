@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowdsim.crowd.kernels.advance import over_ground
+from crowdsim.crowd.kernels.bases import over_ground
 from crowdsim.crowd.kernels.damage import apply_damage
 from crowdsim.crowd.kernels.layout import AHEAD, BLOCKED, LANDED, MISSED
 from crowdsim.crowd.kernels.outcomes import Strike, judge
@@ -42,14 +42,14 @@ def list_strikes(model, avatars, world, now, first, last, who, strikes, held):
     """List the strikes that avatars have thrown since the frame before; return how many ``held`` and they are.
 
     Within a control frame motion runs evenly, through the end of an action where there is one; strikes and opponents
-    are placed in between accordingly. Where ``strikes`` has no room, they are only counted. ``who[first:last]`` is
-    scratch space.
+    are placed in between accordingly. Where ``strikes`` has no room, they are only counted. ``who`` is scratch space
+    for as many avatars.
     """
-    listed = first
+    listed = 0
     for i in range(first, last):  # no branch, since it cannot be predicted which avatars strike
         who[listed] = i
-        listed += avatars.motion[i].phase > avatars.motion[i].pending
-    for k in range(first, listed):
+        listed += avatars.motion[i].phase > avatars.playback[i].pending
+    for k in range(listed):
         _prefetch_strikes(model, avatars, who, k, listed)
         i = np.int64(who[k])
         if avatars.playback[i].action_before >= 0:
@@ -167,7 +167,7 @@ def _stretch_of(model, avatars, i, old):
     rest = actions[before].length - playback[i].phase_before if switched else 0.0
     return Stretch(
         before if old else motion[i].action,
-        avatars.fight[i].opponent_before if old else avatars.opponent[i],
+        avatars.fight[i].next_opponent if old else avatars.opponent[i],
         playback[i].phase_before if old or not switched else 0.0,
         np.float64(actions[before].length) if old else shown,
         0.0 if old or not switched else rest,

@@ -4,7 +4,8 @@ Actions that end in the same state show the same motion, so motion is known by t
 of what it mirrors. Avatars are not noted: a table has a mark for each cell of the ground and each state, by a hash,
 with the frame in which an avatar around last started for it. An avatar reads the marks of its own cell, and makes marks
 in the four cells that are nearest. All avatars read marks before any makes one, and those of a frame are equal, so that
-their order does not matter. Frames are kept modulo 2 ** 16.
+their order does not matter. Frames are kept modulo 256, and marks that are too old to be told from new ones then are
+renewed, a few in each frame.
 """
 
 import math
@@ -16,7 +17,9 @@ from crowdsim.jit import kernel
 
 LATEST = 16  # how many of an avatar's own latest actions are known
 CELL = 3.0  # side of a cell [m]
-FRAMES, NONE = 0xFFFF, 0xFFFF  # frames and states are kept in 16 bits; instead of a state
+NONE = 0xFFFF  # states are kept in 16 bits; instead of a state
+FRAMES = 0xFF  # frames are kept in 8 bits
+LONG_AGO, RENEWED = 128, 64  # age of marks that are not known any more; in how many frames all of them are looked at
 
 
 @kernel(inline=True)
@@ -29,6 +32,33 @@ def is_varied(world):
 
 
 @kernel(inline=True)
+def age_of(mark, frame):
+    """Return how many frames ago a mark was made; ``RENEWED`` or more for long ago."""
+    return (frame - np.int64(mark)) & FRAMES
+
+
+@kernel(inline=True)
+def marks_of(marks, frame):
+    """Return the range of marks whose turn it is in a frame."""
+    count = marks.shape[0] // RENEWED
+    return (frame % RENEWED) * count, (frame % RENEWED + 1) * count
+
+
+@kernel(inline=True)
+def renew(marks, frame, k):
+    """Let a mark stay old that is."""
+    marks[k] = (frame - LONG_AGO) & FRAMES if age_of(marks[k], frame) >= RENEWED else np.int64(marks[k])
+
+
+@kernel(allocates=False)
+def renew_marks(marks, frame):
+    """Renew the marks whose turn it is in a frame."""
+    first, last = marks_of(marks, frame)
+    for k in range(first, last):
+        renew(marks, frame, k)
+
+
+@kernel(inline=True)
 def note_shown(model, avatars, frame, i, action):
     """Note the motion of an action that an avatar starts, and its strikes."""
     fight = avatars.fight
@@ -38,7 +68,7 @@ def note_shown(model, avatars, frame, i, action):
     for corner in range(4):
         cell = cell_at(avatars, i, (corner & 1) - 0.5, (corner >> 1) - 0.5)
         avatars.marks[(cell + state) & mask] = frame & FRAMES
-    avatars.shown[number, fight[i].decisions & (LATEST - 1)] = state & FRAMES
+    avatars.shown[number, fight[i].decisions & (LATEST - 1)] = state & NONE
     if actions[action + 1].strikes > actions[action].strikes:
         fight[i].thrown = state
         fight[i].thrown_until = frame + np.int64(actions[action].length / avatars.motion[i].speed)

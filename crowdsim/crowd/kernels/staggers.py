@@ -43,7 +43,7 @@ def list_thrown(model, avatars, world, now, strikes, first, last, out):
             push = max(push, HURT)
         # Strikes of one attacker follow one another.
         again = (held > 0 and out[held - 1].slot == j) or _is_thrown(model, avatars, j)
-        strikes_back = avatars.motion[j].phase > avatars.motion[j].pending
+        strikes_back = avatars.motion[j].phase > avatars.playback[j].pending
         if push > 0.0 and not (again or strikes_back or avatars.team[j] < 0 or travels(avatars, j)):
             out[held].slot, out[held].hit, out[held].push = j, strikes[k].frame, push
             held += 1
@@ -75,7 +75,7 @@ def stagger(model, avatars, world, now, thrown, observed):
             condition = avatars.conditions[avatars.number[own]]
             condition.standing_next, condition.piece, condition.does_next = UP, 0.0, condition.does
         start_action(model, avatars, world, now.frame, own, np.int64(model.falls[row].action), left[0])
-        avatars.motion[own].pending = model.actions[avatars.motion[own].action].first_strike
+        avatars.playback[own].pending = model.actions[avatars.motion[own].action].first_strike
         avatars.playback[own].action_before, avatars.playback[own].phase_before = -1, left[0]
         avatars.fight[own].decisions += 1
         if world.places.parts.shape[0] > 0:
@@ -100,7 +100,7 @@ def _push(model, avatars, j):
     """Return how far the last hit throws an avatar off its feet [m], 0 for not at all."""
     square = avatars.fight[j].hit_x ** 2 + avatars.fight[j].hit_z ** 2
     motion = avatars.motion[j]
-    left = motion.pending - motion.phase
+    left = avatars.playback[j].pending - motion.phase
     least = SPOILS if 0.0 <= left < min(SOON * motion.speed, model.actions[motion.action].length) else THROWS
     return 0.0 if square < least * least else min(PUSH * square, FURTHEST)
 

@@ -13,7 +13,7 @@ import numpy as np
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.bodies import distance_from_body
 from crowdsim.core.threats import DISTANCES
-from crowdsim.crowd.kernels.advance import over_ground
+from crowdsim.crowd.kernels.bases import over_ground
 from crowdsim.crowd.kernels.interpolation import ground_at
 from crowdsim.crowd.kernels.postures import Standing, posed_body
 from crowdsim.jit import kernel

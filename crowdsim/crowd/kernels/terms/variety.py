@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from crowdsim.crowd.kernels.prefetch import prefetch
-from crowdsim.crowd.kernels.shown_motion import FRAMES, LATEST, cell_at
+from crowdsim.crowd.kernels.shown_motion import LATEST, age_of, cell_at
 from crowdsim.jit import kernel
 
 OTHERS, LATELY = 0.5, 30  # what motion costs that others showed lately, in normalised values; frames that this means
@@ -34,8 +34,7 @@ def avoid_repetition(model, avatars, world, now, own, observed, q, scratch):
     others, mine = variety * OTHERS, variety * OWN
     for k in range(np.uint64(n)):
         state = np.int64(model.twins[actions[np.uint64(offset) + k].next])
-        age = (now.frame - np.int64(marks[np.uint64((cell + state) & mask)])) & FRAMES
-        charge = others if age < LATELY else 0.0
+        charge = others if age_of(marks[np.uint64((cell + state) & mask)], now.frame) < LATELY else 0.0
         low, again = np.uint16(state), False
         for m in range(np.uint64(LATEST)):
             again |= latest[m] == low
