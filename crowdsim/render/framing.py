@@ -184,7 +184,7 @@ def _some_at_once(crowd: Crowd) -> Iterator[Array]:
 def _as_before(crowd: Crowd, values: Array) -> Array:
     """Return values of moments (M, ...), at moments when nothing is there those of the last one before."""
     there = np.isfinite(crowd.grounds[:, :, 0]).any(axis=1)
-    return values[np.maximum.accumulate(np.where(there, np.arange(len(there)), 0))]
+    return values[np.maximum.accumulate(np.where(there, np.arange(len(values)), 0))]
 
 
 @dataclass(frozen=True)

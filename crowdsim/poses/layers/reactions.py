@@ -250,12 +250,9 @@ class BlowPlanner:
     def _trunks_at(self, *when: tuple[Array, Array]) -> list[TrunksAt]:
         """Return the heads, trunks and strikers of avatars (E,) at times (E,), once for each such pair."""
         avatars, times = (np.concatenate(part) for part in zip(*when, strict=True))
-        found = TrunksAt(
-            *np.full((3, len(times), 3), np.nan),
-            np.full((len(times), len(LIMBS), 3), np.nan),
-            np.ones(len(times)),
-            np.zeros((len(times), 2)),
-        )
+        heads, necks, pelvises = np.full((3, len(times), 3), np.nan)
+        strikers = np.full((len(times), len(LIMBS), 3), np.nan)
+        found = TrunksAt(heads, necks, pelvises, strikers, np.ones(len(times)), np.zeros((len(times), 2)))
         for which, body, scales, positions, rotations in self._pose_at(avatars, times):
             for values, points in zip(found[:4], body_points(body, positions, rotations, scales), strict=True):
                 values[which] = points
