@@ -9,6 +9,12 @@ from crowdsim.commands import common
 from crowdsim.commands.progress import Bars
 
 
+@pytest.fixture(autouse=True)
+def talks(monkeypatch):
+    """Let commands talk, whatever the one before was told."""
+    monkeypatch.setattr(common.talk, "quiet", False)
+
+
 @pytest.fixture
 def terminal(monkeypatch, capsys):
     """Make standard error a terminal, and return what ends up on it: the last state of every line."""

@@ -139,7 +139,6 @@ def find_surfaces(
         wrists: Positions of the wrists behind fists, which then stay out of bodies, too [m]. Shape (E, 3).
     """
     points = np.full((len(near.times), 3), np.nan)
-    behind = np.zeros_like(fists) if wrists is None else wrists - fists
     people = np.flatnonzero(near.victims >= 0)
     for which, body, scales, positions, rotations in pose_at(near.victims[people], near.times[people]):
         chosen, numbers = people[which], near.victims[people[which]]
@@ -150,7 +149,8 @@ def find_surfaces(
         if shown:
             build = scales, take.cast.girths[numbers], take.cast.stretches[numbers]
             bodies = PosedBodies(body, np.arange(len(which)), *build, positions[None], rotations[None])
-            points[chosen] = leave_capsules(points[chosen], behind[chosen], bodies, outline)
+            behind = None if wrists is None else (wrists - fists)[chosen]
+            points[chosen] = leave_capsules(points[chosen], behind, bodies, outline)
         # A fist that misses is left alone where it is in no body.
         gaps = posed_distance(fists[chosen], *outline)
         free = chosen[near.missed[chosen] & (gaps >= 0.0)]

@@ -13,8 +13,8 @@ GIVES = 0.012
 """How far outside a head, or any capsule of a trunk, the middle of a fist stays, which is thicker than that [m]."""
 WRIST_IN = 0.01
 """How deep the wrist behind a fist may be in them [m]."""
-_ROUNDS = 12
-"""Times that a point goes out of the capsules, and back where that took it too far."""
+_ROUNDS = (3, 12)
+"""Times that a point alone, and one with a wrist, goes out of the capsules, and back where that took it too far."""
 
 
 class Outline(NamedTuple):
@@ -35,7 +35,7 @@ class Outline(NamedTuple):
     torso_radius: Array
 
 
-def leave_capsules(points: Array, wrists: Array, bodies: PosedBodies, outline: Outline) -> Array:
+def leave_capsules(points: Array, wrists: Array | None, bodies: PosedBodies, outline: Outline) -> Array:
     """Return points that are moved out of the capsules of trunk and head, to ``GIVES`` outside of them.
 
     The wrist behind each goes along, and is no deeper in them than ``WRIST_IN``. No point ends further than ``GIVES``
@@ -43,7 +43,7 @@ def leave_capsules(points: Array, wrists: Array, bodies: PosedBodies, outline: O
 
     Args:
         points: Points on what counts as hit, one for each body [m]. Shape (n, 3).
-        wrists: Way from each to its wrist [m]; zero without one. Shape (n, 3).
+        wrists: Way from each to its wrist [m]; None without. Shape (n, 3).
         bodies: The bodies at one time.
         outline: What of them counts as hit.
     """
@@ -51,8 +51,9 @@ def leave_capsules(points: Array, wrists: Array, bodies: PosedBodies, outline: O
     if not starts.shape[1]:
         return points
     squares, rows, found = np.maximum(np.sum(axes * axes, axis=-1), 1e-12), np.arange(len(points)), points
-    for _ in range(_ROUNDS):
-        both = np.stack([found, found + wrists], axis=1)[:, :, None]
+    behind = np.zeros_like(points) if wrists is None else wrists
+    for _ in range(_ROUNDS[wrists is not None]):
+        both = np.stack([found, found + behind], axis=1)[:, :, None]
         along = np.clip(np.sum((both - starts[:, None]) * axes[:, None], axis=-1) / squares[:, None], 0.0, 1.0)
         out = both - starts[:, None] - along[..., None] * axes[:, None]
         far = np.linalg.norm(out, axis=-1)
