@@ -11,12 +11,13 @@ from crowdsim.crowd.kernels.walking import BESIDE, CLEAR, NEARER, SETS_OFF
 from crowdsim.crowd.random import Purpose, uniform
 
 
-def distance(point, one, other):
-    """The distance of a point from a line between two others."""
-    point, one, other = (np.asarray(p, float) for p in (point, one, other))
+def distance(points, one, other):
+    """The least distance of points (..., 2) from a line between two others."""
+    points, one, other = (np.asarray(p, float) for p in (points, one, other))
     along = other - one
-    share = 0.0 if not along.any() else float(np.clip((point - one) @ along / (along @ along), 0.0, 1.0))
-    return float(np.linalg.norm(one + share * along - point))
+    shares = np.zeros(points.shape[:-1]) if not along.any() else (points - one) @ along / (along @ along)
+    on_line = one + np.clip(shares, 0.0, 1.0)[..., None] * along
+    return float(np.linalg.norm(on_line - points, axis=-1).min())
 
 
 def way_of(one, slot, walk, start=None):
@@ -72,6 +73,6 @@ def naive_is_free(one, own, walk):
         if len(lines) > 1 and may_go_first(one, own, other, reach):
             return False
         clear = CLEAR if len(lines) > 1 else clear_of(lines[0], fields(one.avatars, "x z", own))
-        if any(distance(point, *line) < clear for point in way for line in lines):
+        if any(distance(way, *line) < clear for line in lines):
             return False
     return True
