@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from pathlib import Path
 
@@ -196,6 +197,14 @@ WHERE = (
 )
 
 
+HEAD = "[crowdsimPlayer.crowd.heads[3 * {0}], crowdsimPlayer.crowd.heads[3 * {0} + 2]]"
+FLOOR = (
+    "(({{ eye }}, way) => [0, 2].map(i => eye[i] - eye[1] / way[1] * way[i]))"
+    "(crowdsimPlayer.view, crowdsimPlayer.view.ray({}, {}))"
+)
+"""Where the floor is under a point of the picture, x and z [m]."""
+
+
 def paused(browser) -> None:
     click(browser, "play")
     browser.wait("!crowdsimPlayer.playing")
@@ -209,14 +218,16 @@ def test_the_chosen_avatar_is_dragged_elsewhere_and_the_session_repeated(play, b
     browser.evaluate("crowdsimPlayer.select(2)")
     browser.settle()
     x, y = browser.evaluate(WHERE.format(2))
+    latest, floor = "crowdsimPlayer.recording.latest", browser.evaluate(FLOOR.format(x + 90, y + 60))
+    before, begun = browser.evaluate(HEAD.format(2)), browser.evaluate(latest)
     browser.drag((x, y), (x + 90, y + 60), steps=8)
     browser.wait("document.getElementById('said').textContent.startsWith('blue_0 is put at ')")
     for _ in range(6):
         browser.press("ArrowRight")
-    browser.wait("crowdsimPlayer.recording.states.get(crowdsimPlayer.recording.latest).there[2] === 1")
+    browser.wait(f"{latest} >= {begun} + 6 && crowdsimPlayer.recording.states.get({latest}).there[2] === 1")
     browser.settle()
-    after = browser.evaluate(WHERE.format(2))
-    assert np.hypot(after[0] - x - 90, after[1] - y - 60) < 60
+    after = browser.evaluate(HEAD.format(2))
+    assert math.dist(after, floor) < 0.5 < math.dist(before, floor)
     # The camera has not turned meanwhile: the drag was the avatar's.
     assert browser.evaluate("crowdsimPlayer.camera.choices[crowdsimPlayer.camera.choice].name") == "top"
     # Where there is no room, nothing happens but that it is said.
