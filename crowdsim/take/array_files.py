@@ -52,13 +52,12 @@ class GrowingArray:
         return cls(take, name, tuple(facts["shape"]), tuple(facts["chunks"]), np.dtype(facts["dtype"]))
 
     def describe(self, attributes: Mapping[str, Any]) -> None:
-        """Write what there is to know of it.
+        """Write what there is to know of its entries.
 
         Raises:
             OutputError: It cannot be written.
         """
         write_json(self.take, f"{self.name}/.zattrs", attributes)
-        self.resize(self.shape[0])
 
     def resize(self, length: int) -> None:
         """Give it another length, for which its chunks are there.

@@ -155,8 +155,7 @@ class TakeWriter:
             attributes |= {"flag_values": list(range(len(meanings))), "flag_meanings": " ".join(meanings)}
         array = self.arrays[name] = GrowingArray(self._partial, name, shape, chunks, np.dtype(dtype))
         array.describe(attributes)
-        if values is not None:
-            array.append(values)
+        array.append(np.zeros(shape, dtype) if values is None else values)
 
     def append(self, chunk: dict[str, Array], events: Events, targets: Array | None = None) -> None:
         """Add control frames: an array (n, N) for each of ``VARIABLES``, the strikes thrown, and positions of targets.
@@ -183,7 +182,7 @@ class TakeWriter:
         rest = {}
         for name in self.names:
             joined = np.concatenate([kept[name] for kept in self.kept])
-            self._put(name, joined[:count])
+            self.arrays[name].append(joined[:count])
             rest[name] = joined[count:].copy()
         self.kept = [rest] if ready > count else []
         self.done += count
@@ -200,10 +199,6 @@ class TakeWriter:
                 self.arrays[f"events/{name}"].append(getattr(kept, name)[:count])
             self.events_done += count
         self.kept_events = [Events(**{name: getattr(kept, name)[count:] for name in EVENTS})]
-
-    def _put(self, name: str, values: Array) -> None:
-        """Write the next frames of an array."""
-        self.arrays[name].append(values)
 
     def close(self, status: str = "done") -> None:
         """Finish the take and give it its final name; ``status`` is ``done`` or ``interrupted``.

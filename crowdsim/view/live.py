@@ -295,8 +295,7 @@ class LivePoses:
         class KeptReactions(Reactions):
             """The layer, with blows that are planned once."""
 
-            def planner(self, kind: type[BlowPlanner] | None = KeptBlows) -> BlowPlanner:
-                return super().planner(kind)
+            planner = KeptBlows
 
         kept = {Floor: KeptFloor, Fists: KeptFists, Reactions: KeptReactions}
         self._kinds = tuple(kept.get(kind, kind) for kind in LAYERS)

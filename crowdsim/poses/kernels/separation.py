@@ -156,6 +156,14 @@ def _push_pair(points, radii, t, a, b, pushes):
     pushes[b, 1] -= push * nz
 
 
+@kernel(inline=True)
+def _note_places(points, t, order, xs, zs):
+    """Write where the pelvises of avatars are on the ground at a time, in an order."""
+    for n in range(len(order)):
+        pelvis = points[t, order[n], PELVIS_POINT]
+        xs[n], zs[n] = pelvis[0], pelvis[2]
+
+
 @kernel
 def find_touching(first, stop, points, radii, order, touching):
     """Find which bodies are in another one, or so near that they give way, at each of T times.
@@ -171,10 +179,9 @@ def find_touching(first, stop, points, radii, order, touching):
     count = order.shape[1]
     xs, zs = np.empty(count, np.float32), np.empty(count, np.float32)
     for t in range(first, stop):
+        _note_places(points, t, order[t], xs, zs)
         for n in range(count):
             touching[t, n] = False
-            pelvis = points[t, order[t, n], PELVIS_POINT]
-            xs[n], zs[n] = pelvis[0], pelvis[2]
         for i in range(count):
             if not math.isfinite(xs[i]):
                 break
@@ -204,10 +211,9 @@ def push_trunks(first, stop, points, radii, order, times, pushes):
     xs, zs = np.empty(count, np.float32), np.empty(count, np.float32)
     for row in range(first, stop):
         t, own, found = times[row], order[row], pushes[row]
+        _note_places(points, t, own, xs, zs)
         for n in range(count):
             found[n, 0] = found[n, 1] = 0.0
-            pelvis = points[t, own[n], PELVIS_POINT]
-            xs[n], zs[n] = pelvis[0], pelvis[2]
         for i in range(count):
             if not math.isfinite(xs[i]):
                 break

@@ -76,57 +76,6 @@ def build_trunk(motion: PoseMotion) -> Trunk:
     return Trunk(np.asarray(skeleton.parents, dtype=np.int64), chain, gives, limits, gains)
 
 
-class Reactions(Layer):
-    """Blows throw heads back, fold trunks and push pelvises."""
-
-    name = "reactions"
-    size = 0.8
-    reading = 0.22
-    needs = ("separation",)
-    looks = (ROUNDS + 1) * LENGTH + _KICK, RISE
-
-    def __init__(self, poser: Scheduler) -> None:
-        super().__init__(poser)
-        self._trunks = [build_trunk(motion) for motion in poser.motions]
-        self._planner: BlowPlanner | None = None
-
-    def prepare(self, avatars: Array, first: float, last: float) -> None:
-        """Find out about what hits avatars."""
-        if self.poser.reactions:
-            columns = np.full(self.poser.take.avatar_count, -1)
-            columns[avatars] = np.arange(len(avatars))
-            self._known().plan(columns, len(avatars), first, last)
-
-    def plan(self, part: Part) -> Blows | None:
-        """Return what hits avatars; None where nothing shows."""
-        if not self.poser.reactions:
-            return None
-        blows = self._known().plan(part.window.columns(), len(part.window.avatars), *part.span)
-        return blows if len(blows.times) else None
-
-    def apply(self, part: Part, poses: Posed) -> None:
-        """Add the reactions."""
-        blows, trunk, recent = part.plans[self.name], self._trunks[part.policy], _LATE if part.hops > 1 else LENGTH
-        if blows is not None:
-            window = part.window
-            arms, legs = window.motion.arms, window.motion.legs
-            share(len(part.moments.columns), show_reactions, part.moments, blows, trunk, arms, legs,
-                  window.rows.sizes, recent, poses, threads=window.threads)  # fmt: skip
-
-    def _known(self) -> BlowPlanner:
-        """What is known of the strikes that land."""
-        if self._planner is None or self._planner.landed is not self.poser.landed:
-            self._planner = self.planner()
-        return self._planner
-
-    def planner(self, kind: type[BlowPlanner] | None = None) -> BlowPlanner:
-        """Return what finds out about the strikes that land."""
-        poser = self.poser
-        falls = partial(falls_soon, poser.take, poser.motions)
-        pose_at = partial(poser.joints, through=self.needs[0], hops=1)
-        return (kind or BlowPlanner)(poser.landed, pose_at, self._trunks, poser.take.cast, falls)
-
-
 class TrunksAt(NamedTuple):
     """Heads and trunks at a time; n bodies, NaN while absent.
 
@@ -260,6 +209,54 @@ class BlowPlanner:
             found.radii[which, HEAD], found.radii[which, TORSO] = body.head_radius * scales, body.torso_radius * scales
         pieces = (np.split(values, len(when)) for values in found)
         return [TrunksAt(*piece) for piece in zip(*pieces, strict=True)]
+
+
+class Reactions(Layer):
+    """Blows throw heads back, fold trunks and push pelvises."""
+
+    name = "reactions"
+    size = 0.8
+    reading = 0.22
+    needs = ("separation",)
+    looks = (ROUNDS + 1) * LENGTH + _KICK, RISE
+    planner = BlowPlanner
+
+    def __init__(self, poser: Scheduler) -> None:
+        super().__init__(poser)
+        self._trunks = [build_trunk(motion) for motion in poser.motions]
+        self._planner: BlowPlanner | None = None
+
+    def prepare(self, avatars: Array, first: float, last: float) -> None:
+        """Find out about what hits avatars."""
+        if self.poser.reactions:
+            columns = np.full(self.poser.take.avatar_count, -1)
+            columns[avatars] = np.arange(len(avatars))
+            self._known().plan(columns, len(avatars), first, last)
+
+    def plan(self, part: Part) -> Blows | None:
+        """Return what hits avatars; None where nothing shows."""
+        if not self.poser.reactions:
+            return None
+        blows = self._known().plan(part.window.columns(), len(part.window.avatars), *part.span)
+        return blows if len(blows.times) else None
+
+    def apply(self, part: Part, poses: Posed) -> None:
+        """Add the reactions."""
+        blows, trunk, recent = part.plans[self.name], self._trunks[part.policy], _LATE if part.hops > 1 else LENGTH
+        if blows is not None:
+            window = part.window
+            arms, legs = window.motion.arms, window.motion.legs
+            share(len(part.moments.columns), show_reactions, part.moments, blows, trunk, arms, legs,
+                  window.rows.sizes, recent, poses, threads=window.threads)  # fmt: skip
+
+    def _known(self) -> BlowPlanner:
+        """What is known of the strikes that land."""
+        poser = self.poser
+        if self._planner is None or self._planner.landed is not poser.landed:
+            falls = partial(falls_soon, poser.take, poser.motions)
+            pose_at = partial(poser.joints, through=self.needs[0], hops=1)
+            self._planner = self.planner(poser.landed, pose_at, self._trunks, poser.take.cast, falls)
+        return self._planner
 
 
 def _unit(vectors: Array) -> Array:
