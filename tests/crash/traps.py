@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable
 from typing import Any
 
+from crowdsim.core.types import Array
+from crowdsim.crowd.events import VARIABLES
 from crowdsim.runs import checkpoint, recording
 from crowdsim.take import store
+from crowdsim.take.array_files import GrowingArray
 
 LOG = "simulated.txt"
 """File in the working folder: the first control frame of each step, and how many there were."""
@@ -43,16 +45,18 @@ def set_trap(avatar_frames: int, events: int, place: str = "", number: int = 0) 
             return chunk
 
     recording.Simulation = Noting
-    store.TakeWriter._put = _before(store.TakeWriter._put, lambda: passing("array"))
-    os.replace = _before(os.replace, lambda: passing("checkpoint"), f".{checkpoint.NAME}.part")
 
+    append, replace = GrowingArray.append, os.replace
 
-def _before(call: Callable[..., Any], do: Callable[[], None], name: str = "") -> Callable[..., Any]:
-    """Return a function that first does something, where a name is given if its first argument is a file called so."""
+    def noting_append(array: GrowingArray, values: Array) -> None:
+        if array.name in VARIABLES and len(values):
+            passing("array")
+        append(array, values)
 
-    def changed(first: Any, *rest: Any, **named: Any) -> Any:
-        if not name or os.path.basename(first) == name:
-            do()
-        return call(first, *rest, **named)
+    def noting_replace(source: Any, *rest: Any, **named: Any) -> None:
+        if os.path.basename(source) == f".{checkpoint.NAME}.part":
+            passing("checkpoint")
+        replace(source, *rest, **named)
 
-    return changed
+    GrowingArray.append = noting_append
+    os.replace = noting_replace
