@@ -18,6 +18,8 @@ from crowdsim.crowd.cuda.device import missing_for_cuda
 ROOT = Path(__file__).parents[1]
 SCRIPTS = sorted(path for path in (ROOT / "benchmarks").glob("*.py") if not path.stem.startswith("_"))
 BENCHMARKS = [path for path in SCRIPTS if path.stem != "run_all"]
+QUICK = [path for path in BENCHMARKS if path.stem != "compilation"]
+"""Compilation is measured whole by the test of specialisations."""
 SECONDS = 900
 
 # Keys that checks rely on, at any depth.
@@ -153,7 +155,7 @@ def stem(path: Path) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", BENCHMARKS, ids=stem)
+@pytest.mark.parametrize("path", QUICK, ids=stem)
 def test_a_quick_benchmark_runs_and_has_its_keys(path: Path, tmp_path: Path) -> None:
     if path.stem == "cuda" and (missing := missing_for_cuda()):
         pytest.skip(missing)
