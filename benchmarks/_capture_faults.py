@@ -143,11 +143,15 @@ def angles_in(factor: float) -> Change:
     return change
 
 
-def joints_in_radians(bvh: Bvh) -> Bvh:
-    """Write angles of all joints but the root in radians."""
-    motion, columns = bvh.motion.copy(), rotation_columns(bvh)
-    motion[:, columns[columns >= bvh.first_channels()[1]]] *= np.pi / 180.0
-    return replace(bvh, motion=motion)
+def some_in_radians(root: bool) -> Change:
+    """Write angles of the root alone in radians, or those of all joints but the root."""
+
+    def change(bvh: Bvh) -> Bvh:
+        motion, columns = bvh.motion.copy(), rotation_columns(bvh)
+        motion[:, columns[(columns < bvh.first_channels()[1]) == root]] *= np.pi / 180.0
+        return replace(bvh, motion=motion)
+
+    return change
 
 
 def rows_twice(bvh: Bvh) -> Bvh:
@@ -173,6 +177,11 @@ def named_in(order: str) -> Change:
         return replace(bvh, channels=tuple(channels))
 
     return change
+
+
+def root_named_in(order: str) -> Change:
+    """Name the rotation channels of the root alone in another order than that in which their numbers are."""
+    return lambda bvh: replace(bvh, channels=(named_in(order)(bvh).channels[0], *bvh.channels[1:]))
 
 
 def rotations_first(bvh: Bvh) -> Bvh:
@@ -250,12 +259,14 @@ FAULTS: dict[str, tuple[str, Change]] = {
     "tilted by 12 degrees": ("tilt", tilted(12.0, 0.4)),
     "tilted by 25 degrees": ("tilt", tilted(25.0, 2.0)),
     "angles in radians": ("angles", angles_in(np.pi / 180.0)),
-    "angles of all joints but the root in radians": ("angles", joints_in_radians),
+    "angles of all joints but the root in radians": ("angles", some_in_radians(False)),
+    "angles of the root alone in radians": ("angles", some_in_radians(True)),
     "angles in turns": ("angles", angles_in(1.0 / 360.0)),
     "angles converted twice": ("angles", angles_in(180.0 / np.pi)),
     "angles in the opposite sense": ("rotations", angles_in(-1.0)),
     "rotations named in reverse order": ("rotations", named_in("YXZ")),
     "rotations named in the order XYZ": ("rotations", named_in("XYZ")),
+    "rotations of the root alone named in the order XYZ": ("rotations", root_named_in("XYZ")),
     "root's positions and rotations exchanged": ("rotations", rotations_first),
     **{f"positions are {name}": ("channels", positions_of_all(places)) for name, places in _CHANNELS.items()},
     "every row twice": ("repeats", rows_twice),

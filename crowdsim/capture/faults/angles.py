@@ -42,10 +42,11 @@ class Angles:
         if not columns.size or before is None:
             return None
         # Some files have the root's angles in another unit than those of joints.
-        joints = columns[columns >= reading.bvh.first_channels()[1]] if reading.bvh.joint_count > 1 else columns
+        below = columns >= (reading.bvh.first_channels()[1] if reading.bvh.joint_count > 1 else 0)
         found = [
             *self._read(reading, before, columns, ""),
-            *self._read(reading, before, joints, " of all but the root"),
+            *self._read(reading, before, columns[below], " of all but the root"),
+            *self._read(reading, before, columns[~below], " of the root alone"),
         ]
         if not found:
             return None
@@ -55,7 +56,7 @@ class Angles:
             return None
         confidence = 0.98 if plainly else 0.92
         what = f"angles{words}: as degrees, of {most:.3g} at the most, " + (
-            "joints spin" if most > _TWICE else "the body stays in its rest pose while it travels"
+            "joints spin" if most > _TWICE else "the body keeps its rest pose, or its heading, while it travels"
         )
         return Diagnosis(self.name, what, confidence, "repair", "they are read so", lambda: read)
 

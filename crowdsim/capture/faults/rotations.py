@@ -72,6 +72,9 @@ def _readings(bvh: Bvh) -> Iterator[tuple[str, Bvh]]:
         channels = tuple(_ordered(names, order) for names in bvh.channels)
         if channels != bvh.channels:
             yield f"rotations of all joints are in the order {order}", replace(bvh, channels=channels)
+        if channels[0] != bvh.channels[0] and bvh.joint_count > 1:
+            only = (channels[0], *bvh.channels[1:])
+            yield f"rotations of the root alone are in the order {order}", replace(bvh, channels=only)
     channels = tuple(_reversed(names) for names in bvh.channels)
     yield "rotations of all joints are in the opposite order", replace(bvh, channels=channels)
     motion = bvh.motion.copy()
