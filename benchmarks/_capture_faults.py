@@ -69,6 +69,13 @@ def root_step(bvh: Bvh) -> Bvh:
     return with_path(bvh, 0, path)
 
 
+def root_drifting(bvh: Bvh) -> Bvh:
+    """Let the root drift by 40 % of a leg a second, aside and up."""
+    path = path_of(bvh, 0)
+    path += np.arange(len(path))[:, None] / bvh.fps * _leg(bvh) * np.array([0.3, 0.05, 0.25])
+    return with_path(bvh, 0, path)
+
+
 def root_at_origin(bvh: Bvh) -> Bvh:
     """Put the root to the origin for six frames in the middle of the clip."""
     path, middle = path_of(bvh, 0), bvh.frame_count // 2
@@ -253,6 +260,7 @@ FAULTS: dict[str, tuple[str, Change]] = {
     "root at the origin for 6 frames": ("root_jumps", root_at_origin),
     "6 rows of zeros": ("root_jumps", rows_of_zeros),
     "root held for 5 frames": ("root_held", root_held),
+    "root drifts": ("root_drift", root_drifting),
     "root does not travel": ("in_place", in_place),
     "left-handed": ("handedness", left_handed),
     "tilted by 10 degrees": ("tilt", tilted(10.0, 2.8)),

@@ -222,13 +222,18 @@ class Evidence:
         return np.asarray(found[self.inside[1:-1]])
 
     @cached_property
-    def slip(self) -> Array:
-        """Horizontal speed of the slower foot of those that are near the floor. Shape (N,)."""
+    def planted(self) -> Array:
+        """Velocity of the foot that is slower over the floor, of those near it. Shape (N, 3)."""
         velocities = np.stack([self._velocity(self.soles[:, side]) for side in range(2)], axis=1)
         speeds = np.linalg.norm(velocities[..., [0, 2]], axis=-1)
         heights = self.soles[..., 1]
         near = heights < heights.min(axis=1, keepdims=True) + 0.06
-        return np.asarray(np.where(near, speeds, np.inf).min(axis=1))
+        return np.asarray(velocities[np.arange(len(speeds)), np.where(near, speeds, np.inf).argmin(axis=1)])
+
+    @cached_property
+    def slip(self) -> Array:
+        """Horizontal speed of that foot. Shape (N,)."""
+        return np.asarray(np.linalg.norm(self.planted[:, [0, 2]], axis=-1))
 
     @cached_property
     def forward(self) -> Array:

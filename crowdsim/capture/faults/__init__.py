@@ -12,6 +12,7 @@ from crowdsim.capture.faults.ends import Ends
 from crowdsim.capture.faults.handedness import Handedness, Knees
 from crowdsim.capture.faults.in_place import InPlace
 from crowdsim.capture.faults.repeats import Repeats
+from crowdsim.capture.faults.root_drift import RootDrift
 from crowdsim.capture.faults.root_held import RootHeld
 from crowdsim.capture.faults.root_jumps import RootJumps
 from crowdsim.capture.faults.root_path import RootPath
@@ -30,6 +31,7 @@ FAULTS: tuple[Fault, ...] = (
     Ends(),
     RootJumps(),
     InPlace(),
+    RootDrift(),
     Handedness(),
     Knees(),
     Tilt(),
