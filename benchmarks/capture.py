@@ -127,7 +127,7 @@ def poses(capture: Capture, frames: slice) -> tuple[Array, Array]:
     pelvis = positions[:, capture.roles["pelvis"]]
     joints = [joint for role, joint in sorted(capture.roles.items())]
     away = positions[:, joints] - pelvis[:, None]
-    step = max(1, round(0.1 * capture.clip.fps))
+    step = max(1, min(round(0.1 * capture.clip.fps), len(pelvis) - 1))
     moves = pelvis[step:] - pelvis[:-step]
     shape = np.stack([np.linalg.norm(away[..., [0, 2]], axis=-1), away[..., 1]], axis=-1)
     return shape, np.stack([np.linalg.norm(moves[:, [0, 2]], axis=1), moves[:, 1]], axis=-1)
