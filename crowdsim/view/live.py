@@ -243,8 +243,9 @@ class PosedTogether:
         found = []
         for part, (_, body, scales, positions, rotations) in enumerate(self._found):
             which = np.flatnonzero(rows[:, 0] == part)
-            own = rows[which, 1]
-            found.append((which, body, scales[own], positions[own], rotations[own]))
+            if len(which):
+                own = rows[which, 1]
+                found.append((which, body, scales[own], positions[own], rotations[own]))
         return found
 
 
