@@ -121,6 +121,19 @@ def test_types_in_turn_have_stripes_and_hems_on_their_shorts(skin: Skin) -> None
     assert (skin_paints(1, dress)[stripes] != skin_paints(1, dress)[band]).any()
 
 
+@pytest.mark.parametrize("coarseness", [1.0, 1.4])
+def test_stripes_are_one_piece_at_each_side(skeleton: Skeleton, body: Body, clip, coarseness: float) -> None:
+    skin = build_skin(skeleton, body, Build(), clip.rotations[::30], coarseness)
+    striped = np.isin(skin.parts, [SKIN_PARTS.index(name) for name in ("stripes", "crossings")])
+    mesh = trimesh.Trimesh(skin.vertices, skin.triangles[striped], process=False)
+    pieces = trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(mesh.faces)))
+    assert len(pieces) == 2
+    sides = sorted(mesh.triangles_center[piece, 0].mean() for piece in pieces)
+    assert sides[0] < -0.1 < 0.1 < sides[1]
+    spread = [np.ptp(mesh.triangles_center[piece], axis=0) for piece in pieces]
+    np.testing.assert_allclose(spread[0], spread[1], atol=0.02)
+
+
 def test_the_same_body_is_built_once_and_the_same(
     skeleton: Skeleton, body: Body, skin: Skin, clip, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
