@@ -355,7 +355,7 @@ class Painter {
 
   prepare() {
     const gl = this.gl;
-    this.programs = {
+    const linked = {
       body: this.program(BODY_VERTEX, BODY_FRAGMENT),
       smoothBody: this.program(BODY_VERTEX, BODY_FRAGMENT.replace('\n', '\n#define SMOOTH\n')),
       shadow: this.program(SHADOW_VERTEX, SHADOW_FRAGMENT),
@@ -365,6 +365,7 @@ class Painter {
       prop: this.program(PROP_VERTEX, SKIN_FRAGMENT),
       point: this.program(POINT_VERTEX, POINT_FRAGMENT),
     };
+    this.programs = Object.fromEntries(Object.entries(linked).map(([name, one]) => [name, this.checked(one)]));
     this.rows = Math.max(1, Math.ceil(this.crowd.capsules / ROW));
     this.padded = new Float32Array(this.rows * ROW * FLOATS);
     this.crowd.shapes = this.padded.subarray(0, this.crowd.shapes.length);
@@ -504,9 +505,14 @@ class Painter {
       logs.push(() => gl.getShaderInfoLog(shader));
     }
     gl.linkProgram(program);
+    return { program, logs };
+  }
+
+  // What is linked is looked at once all are: drivers work on several at a time.
+  checked({ program, logs }) {
+    const { gl } = this, uniforms = {};
     if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost())
       throw Error(`The graphics driver refuses a shader: ${gl.getProgramInfoLog(program)} ${logs.map(log => log()).join(' ')}`);
-    const uniforms = {};
     for (let i = 0, n = gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS) || 0; i < n; i++) {
       const { name } = gl.getActiveUniform(program, i);
       uniforms[name] = gl.getUniformLocation(program, name);
