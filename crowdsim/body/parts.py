@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -78,13 +79,17 @@ def dress(
     """
     lines = _lines(binding, build)
     parts = np.zeros(len(triangles), np.int64)
-    for part, value in lines:
-        numbers = np.arange(len(triangles))
+    for part, *values in lines:
+        within = np.ones(len(triangles), bool)
         # Lines that cross others move no vertices of these.
         snap = _CROSSING if part in ("stripes", "hems", "crossings") else _SNAP
-        vertices, triangles, numbers, inside = cut(vertices, triangles, numbers, value(vertices), snap)
-        parts = parts[numbers]
-        parts[inside & np.isin(parts, _UNDER[part])] = SKIN_PARTS.index(part)
+        for value in values:
+            numbers = np.arange(len(triangles))
+            vertices, triangles, numbers, inside = cut(vertices, triangles, numbers, value(vertices), snap)
+            parts, within = parts[numbers], within[numbers] & inside
+        if part == "stripes":
+            within &= _outside(binding, vertices[triangles].mean(axis=1))
+        parts[within & np.isin(parts, _UNDER[part])] = SKIN_PARTS.index(part)
 
     def raised(vertices: Array, normals: Array) -> tuple[Array, Array, Array, Array]:
         made, kinds, origins = triangles, parts, np.arange(len(vertices))
@@ -121,8 +126,18 @@ def _coordinates(binding: Binding, name: str, points: Array) -> Array:
     return np.asarray((points - segment.start) @ segment.axes.T / (0.01 * binding.size))
 
 
-def _lines(binding: Binding, build: Build) -> list[tuple[str, Callable[[Array], Array]]]:
-    """Each part with what is positive where it is [m], in the order in which they are cut."""
+def _outside(binding: Binding, points: Array) -> Array:
+    """Which points (n, 3) are on the outer side of thighs. Shape (n,), bool."""
+    thighs = [binding.segments[f"{side}_thigh"] for side in SIDES]
+    out = [points[:, 0] - one.start[0] - (points - one.start) @ one.axes[0] * one.axes[0, 0] for one in thighs]
+    return (out[0] > 0) | (out[1] < 0)
+
+
+def _lines(binding: Binding, build: Build) -> list[tuple[Any, ...]]:
+    """Each part with functions of points that are positive where it is [m], in the order in which they are cut.
+
+    A part that is narrower than edges may be long has a line for each border: edges cross both of them.
+    """
     size = binding.size
     middle = binding.segments["trunk"].start[0]
     trunk = 100 * binding.segments["trunk"].length / size
@@ -160,11 +175,18 @@ def _lines(binding: Binding, build: Build) -> list[tuple[str, Callable[[Array], 
         # Lines on shorts end just beyond them.
         return lambda points: np.minimum(value(points), shorts(points) + 0.01)
 
-    def stripe(side: str, points: Array) -> Array:
-        thigh = binding.segments[f"{side}_thigh"]
-        aside = points - thigh.start - ((points - thigh.start) @ thigh.axes[0])[:, None] * thigh.axes[0]
-        out = aside[:, 0] if side == SIDES[0] else -aside[:, 0]
-        return np.minimum(_STRIPE - 100 * np.abs(aside[:, 2]) / size, 100 * out / size)
+    def stripe(ahead: float) -> Callable[[Array], Array]:
+        def value(points: Array) -> Array:
+            found = []
+            for side in SIDES:
+                thigh = binding.segments[f"{side}_thigh"]
+                from_hip = points - thigh.start
+                found.append(
+                    _STRIPE - 100 * ahead * (from_hip[:, 2] - from_hip @ thigh.axes[0] * thigh.axes[0, 2]) / size
+                )
+            return 0.01 * np.where(points[:, 0] >= middle, *found)
+
+        return value
 
     def hem(points: Array) -> Array:
         below = [
@@ -200,9 +222,9 @@ def _lines(binding: Binding, build: Build) -> list[tuple[str, Callable[[Array], 
     def sole(side: str, points: Array) -> Array:
         return 1.5 - _coordinates(binding, f"{side}_foot", points)[:, 1]
 
-    lines: list[tuple[str, Callable[[Array], Array]]] = [
+    lines: list[tuple[Any, ...]] = [
         ("hair", hair), ("shorts", shorts), ("band", band),
-        ("stripes", near(both(stripe))), ("hems", near(hem)), ("crossings", near(hem)),
+        ("stripes", near(stripe(1.0)), near(stripe(-1.0))), ("hems", near(hem)), ("crossings", near(hem)),
         ("shoes", both(shoe)), ("soles", both(sole)),
         ("eyes", blob(-0.45, 5.5, 3.15, (1.35, 0.62), 0.10)),
         ("pupils", blob(-0.42, 5.5, 3.1, (0.55, 0.62))),

@@ -15,6 +15,7 @@ from crowdsim.body.field import evaluate, sample
 from crowdsim.body.kernels import skin_vertices
 from crowdsim.body.meshing import refine, relax, surface_nets, thin, vertex_normals
 from crowdsim.body.parts import SKIN_PARTS, dress, wanted_lengths
+from crowdsim.body.store import kept_arrays
 from crowdsim.body.weights import bending_joints, bind_vertices, bone_axes, limb_shares
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
@@ -176,7 +177,9 @@ _building = threading.Lock()
 def build_skin(
     skeleton: Skeleton, body: Body, build: Build, poses: Array | None = None, coarseness: float = 1.0
 ) -> Skin:
-    """Return the skin of a body, made on the first call with these arguments; the last ``_MOST_SKINS`` are kept.
+    """Return the skin of a body, made on the first call with these arguments.
+
+    The last ``_MOST_SKINS`` are kept in memory, and more in the user's cache.
 
     Args:
         skeleton: The skeleton [m].
@@ -197,7 +200,8 @@ def build_skin(
             if skeleton.joint_count + HELPERS > _MOST_JOINTS:
                 most = _MOST_JOINTS - HELPERS
                 raise MotionError(f"the skeleton has {skeleton.joint_count} joints, expected {most} at most for a skin")
-            _skins[key] = _build(skeleton, body, build, poses, coarseness)
+            stored = kept_arrays(key, lambda: vars(_build(skeleton, body, build, poses, coarseness)))
+            _skins[key] = Skin(**{**stored, "girth": float(stored["girth"])})
             while len(_skins) > _MOST_SKINS:
                 del _skins[next(iter(_skins))]
         return _skins[key]

@@ -20,16 +20,12 @@ AXES = {"X": 0, "Y": 1, "Z": 2}
 def multiply(a: ArrayLike, b: ArrayLike) -> Array:
     """Return the product a b: rotation by b, then by a. Shapes (..., 4)."""
     a, b = np.asarray(a), np.asarray(b)
-    aw, ax, ay, az = np.moveaxis(a, -1, 0)
-    bw, bx, by, bz = np.moveaxis(b, -1, 0)
-    return np.stack(
-        [
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-        ],
-        axis=-1,
+    aw, ax, ay, az, bw, bx, by, bz = (q[..., k] for q in (a, b) for k in range(4))
+    return _joined(
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
     )
 
 
@@ -50,7 +46,15 @@ def cross(a: ArrayLike, b: ArrayLike) -> Array:
     """Return the cross product of vectors (..., 3), sooner than numpy does for short arrays."""
     a, b = np.asarray(a), np.asarray(b)
     ax, ay, az, bx, by, bz = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+    return _joined(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
+
+
+def _joined(*parts: Array) -> Array:
+    """Return components (...,) of one type as vectors (..., n), sooner than ``np.stack`` does for short arrays."""
+    joined = np.empty((*parts[0].shape, len(parts)), parts[0].dtype)
+    for k, part in enumerate(parts):
+        joined[..., k] = part
+    return joined
 
 
 def normalise(q: ArrayLike) -> Array:

@@ -8,23 +8,18 @@ lays it over its motion by a bump over time that is longer than the arm's, so th
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.motion import quaternion
 from crowdsim.poses.kernels.fists import JOINTS
+from crowdsim.poses.kernels.leans import Reaches, lean_trunks
 from crowdsim.poses.limbs import Limbs
 
 _COMPLIANCE = (1.0, 1.0, 1.5)
 """How readily spine, chest and collar turn."""
-_PELVIS = 0.02
-"""How readily the pelvis goes [m2], where turns do not do."""
-_MOST_TURN = (math.radians(14.0), math.radians(14.0), math.radians(16.0))
-_MOST_SHIFT = 0.05
-_ROUNDS, _ENOUGH = (4, 10), 0.003
-"""Rounds after which the pelvis goes too where as much is lacking [m], and all of them."""
 _EASE = 0.01
 """Share of an arm's length over which it eases into its longest reach."""
 _MARGIN = 0.006
@@ -82,39 +77,19 @@ def plan_leans(
     a, b = np.linalg.norm(middle - upper, axis=1), np.linalg.norm(end - middle, axis=1)
     longest = np.sqrt(a * a + b * b + 2.0 * a * b * math.cos(least)) - _MARGIN * (a + b)
     now = np.linalg.norm(end - upper, axis=1)
-    target = end + fists + shifts
-    compliance = np.where(mine >= 0, np.asarray(_COMPLIANCE), 0.0)
-    found, moved, goes = np.zeros((count, 3, 3)), np.zeros((count, 3)), np.zeros(count, bool)
     shortest = np.minimum(now, np.sqrt(a * a + b * b + 2.0 * a * b * math.cos(_FOLDED)))
-    goal = np.maximum(_goal(now, np.linalg.norm(end + shifts - upper, axis=1), longest, _EASE * (a + b)), shortest)
-    for done in range(_ROUNDS[1]):
-        spins = quaternion.from_rotation_vector(found)
-        # Joint by joint from the shoulder down: what hangs on each, turned by all of them above it and by itself.
-        hang, beyond = np.zeros((count, 3, 3)), np.zeros((count, 3))
-        for k in (2, 1, 0):
-            hang[:, k] = beyond = quaternion.rotate(spins[:, k], levers[:, k] + beyond)
-        whole = quaternion.multiply(quaternion.multiply(spins[:, 0], spins[:, 1]), spins[:, 2])
-        gap = target - quaternion.rotate(whole, fists) - (corners[:, 0] + beyond + moved)
-        far = np.maximum(np.linalg.norm(gap, axis=1), 1e-9)
-        way = gap / far[:, None]
-        lack = far - goal
-        inward, pulls = way, []
-        for k in range(3):
-            pulls.append(quaternion.cross(hang[:, k], inward))
-            inward = quaternion.rotate(quaternion.conjugate(spins[:, k]), inward)
-        pull = np.stack(pulls, axis=1)
-        gain = np.sum(compliance * np.sum(pull * pull, axis=-1), axis=1) + _PELVIS
-        step = lack / gain
-        found = _at_most(found + (step[:, None] * compliance)[..., None] * pull, np.asarray(_MOST_TURN)[:, None])
-        goes |= (done >= _ROUNDS[0]) & (np.abs(lack) > _ENOUGH)
-        moved = _at_most(moved + np.where(goes, step * _PELVIS, 0.0)[:, None] * way, _MOST_SHIFT)
+    goals = np.maximum(_goal(now, np.linalg.norm(end + shifts - upper, axis=1), longest, _EASE * (a + b)), shortest)
+    compliance = np.where(mine >= 0, np.asarray(_COMPLIANCE), 0.0)
+    reaches = Reaches(np.ascontiguousarray(corners[:, 0]), levers, fists, end + fists + shifts, goals, compliance)
+    turns, moves = np.empty((count, 3, 3)), np.empty((count, 3))
+    lean_trunks(0, count, reaches, turns, moves)
     parents = np.asarray(arms.parents)[np.maximum(mine, 0)]
     frames = world_rotations[rows[:, None], np.maximum(parents, 0)].astype(float)
-    local = quaternion.rotate(quaternion.conjugate(frames), found)
+    local = quaternion.rotate(quaternion.conjugate(frames), turns)
     result = np.zeros((count, JOINTS, 3))
     result[:, :2] = local[:, :2]
     result[rows, 2 + hands] = local[:, 2]
-    return Leans(result, moved)
+    return Leans(result, moves)
 
 
 def _goal(now: Array, wanted: Array, longest: Array, soft: Array) -> Array:
@@ -125,9 +100,3 @@ def _goal(now: Array, wanted: Array, longest: Array, soft: Array) -> Array:
     straight = np.clip((now / longest - 0.85) / 0.15, 0.0, 1.0)
     straight = straight**3 * (10.0 - straight * (15.0 - 6.0 * straight))
     return np.where(wanted > now, out, wanted + _BACK * straight * (now - wanted))
-
-
-def _at_most(vectors: Array, most: Any) -> Array:
-    """Vectors (..., 3) no longer than ``most``."""
-    size = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.asarray(vectors * np.minimum(1.0, most / np.maximum(size, 1e-12)))

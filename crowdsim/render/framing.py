@@ -73,11 +73,13 @@ def _centre(across: Array, ahead: Array) -> Array:
         across: Points to the right or up, NaN where there are none [m]. Shape (..., n).
         ahead: How far they are before the eye [m]. Shape (..., n).
     """
-    low, high = np.nanmin(across, axis=-1), np.nanmax(across, axis=-1)
+    # As nanmin and nanmax, in a third of their time for a few points.
+    least, most = np.fmin.reduce, np.fmax.reduce
+    low, high = least(across, axis=-1), most(across, axis=-1)
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
         seen = (across - middle[..., None]) / ahead
-        right = np.nanmax(seen, axis=-1) + np.nanmin(seen, axis=-1) > 0.0
+        right = most(seen, axis=-1) + least(seen, axis=-1) > 0.0
         low, high = np.where(right, middle, low), np.where(right, high, middle)
     return 0.5 * (low + high)
 

@@ -164,6 +164,8 @@ async function openRecording() {
   scene.figures.forEach(figure => { figure.avatars = []; });
   scene.tables.figure.forEach((figure, avatar) => scene.figures[figure].avatars.push(avatar));
   const recording = scene.live ? new LiveRecording(scene) : new Recording(source, scene);
+  // The first block is unpacked, or posed, while the picture is being prepared.
+  recording.load(0, true);
   recording.why = origin.why;
   return recording;
 }

@@ -9,7 +9,7 @@ const LOOKS = {
 // Resolution, samples for smooth edges: from fine to fast. The first is for displays with small pixels.
 const QUALITIES = [[2, 4], [1, 4], [1, 0], [0.7, 0], [0.5, 0], [0.35, 0]];
 const SLOW = 42, FAST = 24; // medians of the time between pictures at which quality changes [ms]
-const SWIFT = 20, HASTE = 2; // the median that is soon enough for what is dragged [ms], and how much coarser others begin
+const SWIFT = 20, HASTE = 2; // the median that is soon enough for what is dragged [ms]; how much coarser others begin, and twice that where it is twice as long
 
 const HEAD = `#version 300 es
 precision highp float;
@@ -355,7 +355,7 @@ class Painter {
 
   prepare() {
     const gl = this.gl;
-    this.programs = {
+    const linked = {
       body: this.program(BODY_VERTEX, BODY_FRAGMENT),
       smoothBody: this.program(BODY_VERTEX, BODY_FRAGMENT.replace('\n', '\n#define SMOOTH\n')),
       shadow: this.program(SHADOW_VERTEX, SHADOW_FRAGMENT),
@@ -365,6 +365,7 @@ class Painter {
       prop: this.program(PROP_VERTEX, SKIN_FRAGMENT),
       point: this.program(POINT_VERTEX, POINT_FRAGMENT),
     };
+    this.programs = Object.fromEntries(Object.entries(linked).map(([name, one]) => [name, this.checked(one)]));
     this.rows = Math.max(1, Math.ceil(this.crowd.capsules / ROW));
     this.padded = new Float32Array(this.rows * ROW * FLOATS);
     this.crowd.shapes = this.padded.subarray(0, this.crowd.shapes.length);
@@ -504,9 +505,14 @@ class Painter {
       logs.push(() => gl.getShaderInfoLog(shader));
     }
     gl.linkProgram(program);
+    return { program, logs };
+  }
+
+  // What is linked is looked at once all are: drivers work on several at a time.
+  checked({ program, logs }) {
+    const { gl } = this, uniforms = {};
     if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost())
       throw Error(`The graphics driver refuses a shader: ${gl.getProgramInfoLog(program)} ${logs.map(log => log()).join(' ')}`);
-    const uniforms = {};
     for (let i = 0, n = gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS) || 0; i < n; i++) {
       const { name } = gl.getActiveUniform(program, i);
       uniforms[name] = gl.getUniformLocation(program, name);
@@ -520,9 +526,12 @@ class Painter {
   hurry(hasty) {
     if (hasty === this.hasty) return;
     this.hasty = hasty;
-    this.level = Math.min(this.quality + (hasty && this.median > SWIFT ? HASTE : 0), QUALITIES.length - 1);
+    this.level = Math.min(this.quality + (hasty ? HASTE * Math.min(Math.floor(this.median / SWIFT), 2) : 0), QUALITIES.length - 1);
     this.times = [];
   }
+
+  // Whether what is dragged waits for pictures.
+  get late() { return this.hasty && this.median > SWIFT; }
 
   // Sizes pictures by quality; still pictures are as fine as can be.
   resize(still) {
@@ -551,7 +560,7 @@ class Painter {
   pace(milliseconds) {
     if (milliseconds > 2000) return;
     this.times.push(milliseconds);
-    if (this.times.length < (this.hasty ? 6 : 12)) return;
+    if (this.times.length < (this.hasty ? 3 : 12)) return;
     const median = [...this.times].sort((a, b) => a - b)[this.times.length >> 1], slow = this.hasty ? SWIFT : SLOW;
     if (!this.hasty) this.median = median;
     if (median > slow && this.level < QUALITIES.length - 1) this.level += median > 2 * slow ? 2 : 1;

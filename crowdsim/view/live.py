@@ -25,16 +25,17 @@ from crowdsim.crowd.explaining import Decision
 from crowdsim.crowd.obstacles import pack_obstacles
 from crowdsim.crowd.record import TakeData
 from crowdsim.motion import quaternion
+from crowdsim.motion.body import Body
 from crowdsim.motion.strikes import HANDS
-from crowdsim.poses.contacts import strikes_near
+from crowdsim.poses.contacts import PoseAt, strikes_near
 from crowdsim.poses.hits import Landed, by_column
-from crowdsim.poses.kernels.fists import JOINTS, Landings
+from crowdsim.poses.kernels.fists import JOINTS, MOTION, Landings
 from crowdsim.poses.kernels.reactions import Blows
 from crowdsim.poses.layer import Layer, Part, Scheduler
 from crowdsim.poses.layers import LAYERS
 from crowdsim.poses.layers.fists import Fists, plan_landings
 from crowdsim.poses.layers.floor import Floor, Settling
-from crowdsim.poses.layers.reactions import BlowPlanner, Reactions
+from crowdsim.poses.layers.reactions import BlowPlanner, Reactions, build_trunk
 from crowdsim.poses.motion import prepare_motion
 from crowdsim.poses.poser import Poser
 from crowdsim.take.take import Take
@@ -179,7 +180,7 @@ class Known:
     def __init__(self, rate: float) -> None:
         self._rate, self._first, self._end = rate, 0, 0
         self.fists: dict[tuple[int, ...], tuple[Array, ...]] = {}
-        self.blows: dict[tuple[int, ...], Any] = {}
+        self.blows: dict[tuple[int, ...], bytes] = {}
 
     def begin(self, first: int, end: int) -> None:
         """Forget strikes before a control frame; what is asked for from now on is of a take of frames until ``end``."""
@@ -213,8 +214,39 @@ class NearBlows(BlowPlanner):
         keys, known = self.strikes.keys(self.landed.of(fresh)), self.strikes.blows
         some = np.flatnonzero([key not in known for key in keys])
         if len(some):
-            known |= zip((keys[row] for row in some), super().find(fresh[some]), strict=True)
-        return np.array([known[key] for key in keys])
+            known |= zip((keys[row] for row in some), (one.tobytes() for one in super().find(fresh[some])), strict=True)
+        return np.frombuffer(b"".join([known[key] for key in keys]), self._found.dtype)
+
+
+class PosedTogether:
+    """Poses of avatars that are found at once, and asked for piece by piece: a call costs more than its poses.
+
+    Args:
+        pose_at: Poses avatars.
+        avatars: All that will be asked for. Shape (E,).
+        times: When [s]. Shape (E,).
+    """
+
+    def __init__(self, pose_at: PoseAt, avatars: Array, times: Array) -> None:
+        self._found = pose_at(avatars, times)
+        keys = list(zip(avatars.tolist(), times.tolist(), strict=True))
+        self._rows = {
+            keys[one]: (part, row)
+            for part, (which, *_) in enumerate(self._found)
+            for row, one in enumerate(which.tolist())
+        }
+
+    def __call__(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
+        """Return some of them, see ``contacts.PoseAt``."""
+        keys = zip(avatars.tolist(), times.tolist(), strict=True)
+        rows = np.array([self._rows[key] for key in keys], np.int64).reshape(-1, 2)
+        found = []
+        for part, (_, body, scales, positions, rotations) in enumerate(self._found):
+            which = np.flatnonzero(rows[:, 0] == part)
+            if len(which):
+                own = rows[which, 1]
+                found.append((which, body, scales[own], positions[own], rotations[own]))
+        return found
 
 
 class NearFists(Fists):
@@ -235,7 +267,12 @@ class NearFists(Fists):
         fresh = np.array([key not in planned for key in keys], bool)
         if fresh.any():
             some, rows = near.of(fresh), np.flatnonzero(fresh)
-            pose_at = partial(self.poser.joints, through=self.needs[0], hops=part.hops + 1)
+            hit = near.of(fresh & (near.victims >= 0))
+            pose_at = PosedTogether(
+                partial(self.poser.joints, through=self.needs[0], hops=part.hops + 1),
+                np.concatenate([some.attackers, *[hit.victims] * 3]),
+                np.concatenate([some.times, *(hit.times + apart for apart in (-MOTION, 0.0, MOTION))]),
+            )
             landings = plan_landings(
                 self.poser.take, some, columns, count, pose_at, pose_at, part.window.motion, part.hops
             )
@@ -254,9 +291,11 @@ class NearFists(Fists):
         if not rows:
             return [np.zeros(shape) for shape in ((0, 3), (0, 3), (0, 3, 0, 9), (0, JOINTS, 3), (0, 3))]
         most = max(row[2].shape[1] for row in rows)
-        stops = [np.pad(row[2], ((0, 0), (0, most - row[2].shape[1]), (0, 0)), constant_values=np.nan) for row in rows]
-        shifts, goals, _, rotations, moves = (np.array([row[k] for row in rows]) for k in (0, 1, 1, 3, 4))
-        return [shifts, goals, np.array(stops), rotations, moves]
+        stops = np.full((len(rows), 3, most, 9), np.nan)
+        for own, row in zip(stops, rows, strict=True):
+            own[:, : row[2].shape[1]] = row[2]
+        shifts, goals, rotations, moves = (np.array([row[k] for row in rows]) for k in (0, 1, 3, 4))
+        return [shifts, goals, stops, rotations, moves]
 
 
 class LivePoses:
@@ -292,10 +331,16 @@ class LivePoses:
         class KeptBlows(NearBlows):
             strikes = known
 
+        trunks = [build_trunk(motion) for motion in self._motions]
+
         class KeptReactions(Reactions):
             """The layer, with blows that are planned once."""
 
             planner = KeptBlows
+
+            def __init__(self, poser: Scheduler) -> None:
+                Layer.__init__(self, poser)
+                self._trunks, self._planner = trunks, None
 
         kept = {Floor: KeptFloor, Fists: KeptFists, Reactions: KeptReactions}
         self._kinds = tuple(kept.get(kind, kind) for kind in LAYERS)

@@ -49,8 +49,8 @@ class Overlay {
 
   draw(view, moment, seconds, options) {
     const { canvas, ctx } = this, { facts, scene } = this, shows = options.labels || options.trails || options.selected >= 0 || facts.canBeHurt;
-    // A canvas that shows nothing is not there: putting it over the picture takes time.
-    canvas.hidden = !shows && !scene.tables.contact;
+    // A canvas that shows nothing is not there: putting it over the picture takes time, for which what is dragged does not wait.
+    canvas.hidden = options.late ? !this.placing : !shows && !scene.tables.contact;
     if (canvas.hidden) return;
     const ratio = Math.min(devicePixelRatio, 2);
     const width = Math.round(view.width * ratio), height = Math.round(view.height * ratio);

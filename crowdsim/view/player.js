@@ -405,7 +405,7 @@ class Player {
     this.painter.heat = this.floorMap();
     this.painter.draw(this.view, Boolean(fine), this.options.marks ? this.time : null);
     this.fine = this.playing || fine ? 0 : this.last + 150;
-    this.overlay.draw(this.view, moment, this.time, { ...this.options, selected: this.selected, dark: this.dark.matches });
+    this.overlay.draw(this.view, moment, this.time, { ...this.options, selected: this.selected, dark: this.dark.matches, late: this.painter.late });
     this.panel.update(this.selected, this.time, moment.before);
     this.timeline.draw(this.time, this.selected);
     element('scrub').value = this.time;

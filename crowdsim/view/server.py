@@ -71,7 +71,7 @@ class Server:
 
         config = uvicorn.Config(
             self.app, log_level="error", access_log=False, lifespan="off", server_header=False,
-            timeout_graceful_shutdown=1, ws_max_size=_MOST_ASKED,
+            timeout_graceful_shutdown=1, ws_max_size=_MOST_ASKED, ws_per_message_deflate=False,
         )  # fmt: skip
         uvicorn.Server(config).run(sockets=[self.socket])
 

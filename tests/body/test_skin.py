@@ -1,10 +1,14 @@
 """Skins: closed, bound, dressed, and near the body that control knows."""
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
 
 from crowdsim.body import skin as skins
+from crowdsim.body import store
 from crowdsim.body.anatomy import GIRTHS, KINDS, Build
 from crowdsim.body.binding import bind
 from crowdsim.body.field import Shapes, evaluate
@@ -117,15 +121,62 @@ def test_types_in_turn_have_stripes_and_hems_on_their_shorts(skin: Skin) -> None
     assert (skin_paints(1, dress)[stripes] != skin_paints(1, dress)[band]).any()
 
 
+@pytest.mark.parametrize("coarseness", [1.0, 1.4])
+def test_stripes_are_one_piece_at_each_side(skeleton: Skeleton, body: Body, clip, coarseness: float) -> None:
+    skin = build_skin(skeleton, body, Build(), clip.rotations[::30], coarseness)
+    striped = np.isin(skin.parts, [SKIN_PARTS.index(name) for name in ("stripes", "crossings")])
+    mesh = trimesh.Trimesh(skin.vertices, skin.triangles[striped], process=False)
+    pieces = trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(mesh.faces)))
+    assert len(pieces) == 2
+    sides = sorted(mesh.triangles_center[piece, 0].mean() for piece in pieces)
+    assert sides[0] < -0.1 < 0.1 < sides[1]
+    spread = [np.ptp(mesh.triangles_center[piece], axis=0) for piece in pieces]
+    np.testing.assert_allclose(spread[0], spread[1], atol=0.02)
+
+
 def test_the_same_body_is_built_once_and_the_same(
-    skeleton: Skeleton, body: Body, skin: Skin, clip, monkeypatch: pytest.MonkeyPatch
+    skeleton: Skeleton, body: Body, skin: Skin, clip, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     assert build_skin(skeleton, body, Build(), clip.rotations[::30]) is skin
-    monkeypatch.setattr(skins, "_skins", {})
-    again = build_skin(skeleton, body, Build(), clip.rotations[::30])
-    assert again is not skin
-    for name in ("vertices", "normals", "triangles", "parts", "joints", "weights", "positions", "rotations"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(skin, name))
+    built, build = [], skins._build
+    monkeypatch.setattr(skins, "_build", lambda *arguments: built.append(arguments) or build(*arguments))
+    monkeypatch.setattr(store, "cache_folder", lambda kind: tmp_path)
+
+    def again() -> Skin:
+        monkeypatch.setattr(skins, "_skins", {})
+        return build_skin(skeleton, body, Build(), clip.rotations[::30])
+
+    def assert_same(other: Skin) -> None:
+        for name, values in vars(skin).items():
+            np.testing.assert_array_equal(getattr(other, name), values)
+            assert np.asarray(getattr(other, name)).dtype == np.asarray(values).dtype
+
+    assert_same(again())
+    assert_same(again())
+    assert len(built) == 1
+    (path,) = tmp_path.iterdir()
+    path.write_bytes(path.read_bytes()[:-1] + b"?")
+    assert_same(again())
+    assert_same(again())
+    assert len(built) == 2
+    monkeypatch.setattr(store, "cache_folder", lambda kind: None)
+    assert_same(again())
+    assert len(built) == 3
+
+
+def test_the_oldest_skins_in_the_cache_are_removed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(store, "cache_folder", lambda kind: tmp_path)
+    monkeypatch.setattr(store, "_MOST", 2)
+    for number in range(3):
+        kept = store.kept_arrays(bytes([number]), lambda: {"values": np.arange(3)})
+        np.testing.assert_array_equal(kept["values"], [0, 1, 2])
+        for path in tmp_path.iterdir():
+            os.utime(path, (0, path.stat().st_mtime - 10))
+    assert len(list(tmp_path.iterdir())) == 2
+    for number, built in ((1, 0), (2, 0), (0, 1)):
+        calls: list[int] = []
+        store.kept_arrays(bytes([number]), lambda: calls.append(1) or {"values": np.arange(3)})  # noqa: B023
+        assert len(calls) == built
 
 
 def test_skinning_matches_its_plain_twin(skin: Skin, skeleton: Skeleton, clip) -> None:

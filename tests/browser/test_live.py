@@ -118,8 +118,11 @@ def test_pictures_are_coarser_while_something_is_dragged_on_a_slow_machine(play,
     browser.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, **keys)
     browser.call("Input.dispatchMouseEvent", type="mouseMoved", x=x + 20, y=y + 9, **keys)
     browser.wait(f"(([now, whole]) => now < 0.8 * whole)({wide})")
+    # What names are written on takes time to put over the picture.
+    assert browser.evaluate("document.getElementById('overlay').hidden")
     browser.call("Input.dispatchMouseEvent", type="mouseReleased", x=x + 20, y=y + 9, button="left")
     browser.wait(f"(([now, whole]) => now === whole)({wide})")
+    browser.wait("!document.getElementById('overlay').hidden")
 
 
 def test_with_shift_a_target_goes_up_and_down(play, browser) -> None:

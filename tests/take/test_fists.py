@@ -3,6 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
+import naive_leans
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,6 +14,7 @@ from test_poses import duel, same
 from crowdsim.motion.limbs import flexion
 from crowdsim.policy.rewards import posed_distance, target_body
 from crowdsim.poses.contacts import body_points, surface_point
+from crowdsim.poses.kernels.leans import Reaches, lean_trunks
 from crowdsim.take.quality import measure_take
 from crowdsim.take.take import Events, Take
 
@@ -55,6 +57,27 @@ def test_what_a_straight_arm_does_not_reach_the_trunk_gives(gap: float) -> None:
     arm = [body.roles[f"{('left', 'right')[hand]}_{name}"] for name in ("shoulder", "elbow", "hand")]
     bend = np.rad2deg(flexion(*(positions[0, joint] for joint in arm)))
     assert 6.0 < bend < 146.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_leans_match_naive(seed: int) -> None:
+    rng, count = np.random.default_rng(seed), 40
+    base, levers, fists = (
+        rng.normal(size=(count, 3)),
+        rng.normal(0, 0.2, (count, 3, 3)),
+        rng.normal(0, 0.05, (count, 3)),
+    )
+    targets = base + rng.normal(0, 0.6, (count, 3))
+    goals, compliance = rng.uniform(0.2, 0.7, count), rng.choice([0.0, 1.0, 1.5], (count, 3))
+    goals[0] = np.nan
+    turns, moves = np.full((count, 3, 3), np.inf), np.full((count, 3), np.inf)
+    lean_trunks(0, count, Reaches(base, levers, fists, targets, goals, compliance), turns, moves)
+    assert not turns[0].any()
+    assert not moves[0].any()
+    for e in range(1, count):
+        expected = naive_leans.lean(base[e], levers[e], fists[e], targets[e], goals[e], compliance[e])
+        np.testing.assert_allclose(turns[e], expected[0], atol=1e-9)
+        np.testing.assert_allclose(moves[e], expected[1], atol=1e-9)
 
 
 def test_trunks_lean_for_fists_without_a_jerk_over_feet_that_stay() -> None:

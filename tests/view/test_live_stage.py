@@ -26,7 +26,7 @@ from crowdsim.preparation.prepare import load_policies
 from crowdsim.runs.playing import Session, boxer_and_target
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.view import server as serving
-from crowdsim.view.live import LAG, ROWS, LivePoses, Settled, clips_of
+from crowdsim.view.live import LAG, ROWS, LivePoses, PosedTogether, Settled, clips_of
 from crowdsim.view.server import open_server
 from crowdsim.view.stage import BACKLOG, Passing, Stage, next_due
 
@@ -132,6 +132,40 @@ def test_landings_are_planned_once_and_forgotten_when_they_are_past(session, mon
     assert len(found) == len(set(found)) > 0
     # All that have landed are among them, but for the last ones; others whose fists would be in a body are, too.
     assert {one for one in landed if one[1] < 110} <= set(found)
+
+
+def test_fists_that_land_on_a_target_are_posed(session) -> None:
+    played = session(boxer_and_target("tiny"))
+    poses, landed = LivePoses(played.crowd), 0
+    for _ in range(200):
+        frame = played.step()
+        poses.add(frame)
+        landed += int(frame.events.landed.sum())
+        if poses.shown >= 0:
+            assert np.isfinite(poses.poses()[0][0]).all()
+    assert landed > 0
+
+
+def test_poses_that_are_found_at_once_are_those_that_are_asked_for() -> None:
+    def pose_at(avatars, times):
+        calls.append(len(avatars))
+        parts = [np.flatnonzero(avatars % 2 == policy) for policy in (0, 1)]
+        values = (times + avatars)[:, None, None] * np.ones((1, 2, 4))
+        return [(some, f"body {k}", times[some], values[some, :, :3], values[some]) for k, some in enumerate(parts)]
+
+    calls: list[int] = []
+    avatars, times = np.array([0, 3, 1, 3, 2]), np.array([0.5, 0.25, 1.0, 0.75, 2.0])
+    together = PosedTogether(pose_at, avatars, times)
+    for some in ([0, 4], [3, 1, 3], [2, 0, 1], []):
+        expected = [one for one in pose_at(avatars[some], times[some]) if len(one[0])]
+        found = together(avatars[some], times[some])
+        assert len(found) == len(expected)
+        for one, other in zip(found, expected, strict=True):
+            assert one[1] == other[1]
+            for k in (0, 2, 3, 4):
+                np.testing.assert_array_equal(one[k], other[k])
+    assert calls[0] == 5
+    assert sum(calls) == 5 + 8
 
 
 def test_offsets_of_poses_die_away_without_a_jump() -> None:
