@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import correlate1d
 
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
@@ -20,6 +19,7 @@ from crowdsim.poses.kernels.limb_moves import END, MOVED
 from crowdsim.poses.kernels.records import Offsets, Posed
 from crowdsim.poses.layer import Block, Part, Reader, Scheduler
 from crowdsim.poses.neighbours import near_avatars
+from crowdsim.poses.smoothing import smooth
 from crowdsim.poses.together import each
 
 _LANDS = 0.1
@@ -107,8 +107,8 @@ class Deflection(Reader):
         # Where a take begins and ends, its first and its last time stand for those beyond.
         grid, slow, rate = self._grid(first, last), self._slow(first, last), self.poser.take.control_rate
         fast = found[np.searchsorted(frames, grid)]
-        moves = correlate1d(fast, _LIMBS, axis=0, mode="nearest")
-        moves[:, :, 2:, END] = correlate1d(fast[:, :, 2:, END], _FEET, axis=0, mode="nearest")
+        moves = smooth(fast, _LIMBS)
+        moves[:, :, 2:, END] = smooth(fast[:, :, 2:, END], _FEET)
         shown = self.moves.around(first, last)
         moves = moves[shown - grid[0]]
         if len(slow):
