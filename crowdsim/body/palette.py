@@ -52,11 +52,13 @@ def avatar_paints(teams: Sequence[int] | Array, colours: Array | None = None) ->
     """
     teams = np.asarray(teams, dtype=int)
     _, numbers = np.unique(teams, return_inverse=True)
-    alone = len(teams) > 1 and (numbers.max() == 0 or numbers.max() + 1 == len(teams) > 2)
+    alone = bool(len(teams) > 1 and (numbers.max() == 0 or numbers.max() + 1 == len(teams) > 2))
     avatars = np.arange(len(teams))
     shades = ((avatars * _GOLDEN + 0.3) % 1.0)[:, None]
     skins = np.array(_SKINS)[(avatars * 3 + avatars // 5) % len(_SKINS)]
-    given = np.zeros(len(teams), bool) if colours is None else np.isfinite(colours).all(axis=1)
+    given = np.zeros(len(teams), bool)
+    if colours is not None:
+        given[:] = np.isfinite(colours).all(axis=1)
     plain, own = ~given & (not alone), ~given & alone
     # A colour means itself; those of a team differ a little, by how light they are.
     gloves = np.zeros((len(teams), 3)) if colours is None else np.array(colours, float)
