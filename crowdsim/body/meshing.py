@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.sparse import csr_matrix
 
 from crowdsim.body.field import Shapes, evaluate
 from crowdsim.core.types import Array
@@ -197,6 +196,8 @@ def _collapsible(vertices: Array, triangles: Array, edges: Array, chosen: Array)
 
     No two of the chosen edges are neighbours, so that each triangle changes with one of them at most.
     """
+    from scipy.sparse import csr_matrix
+
     count = len(vertices)
     a, b = edges[chosen].T
     links = csr_matrix((np.ones(2 * len(edges), np.int32), (edges.ravel(), edges[:, ::-1].ravel())), (count, count))

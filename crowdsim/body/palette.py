@@ -26,6 +26,8 @@ _HAIR = ((0.09, 0.07, 0.06), (0.17, 0.11, 0.07), (0.06, 0.05, 0.05), (0.30, 0.20
 _EYES = (0.02, 0.02, 0.03, 0.30)
 _TRUNKS = 0.8
 """How bright trunks are for the colour of a team."""
+_SECTORS = np.array([(0, 3, 1), (2, 0, 1), (1, 0, 3), (1, 2, 0), (3, 1, 0), (0, 1, 2)])
+"""Which level red, green and blue have in each sixth of the hues: the value, the least, the falling, the rising one."""
 _DRESSES = ("skin", "glove", "shirt", "trunks", "shoe")
 _GLOSS = {"skin": 0.10, "head": 0.12, "glove": 0.55, "shirt": 0.04, "trunks": 0.16, "shoe": 0.25}
 
@@ -50,34 +52,47 @@ def avatar_paints(teams: Sequence[int] | Array, colours: Array | None = None) ->
     """
     teams = np.asarray(teams, dtype=int)
     _, numbers = np.unique(teams, return_inverse=True)
-    alone = len(teams) > 1 and (numbers.max() == 0 or numbers.max() + 1 == len(teams) > 2)
+    alone = bool(len(teams) > 1 and (numbers.max() == 0 or numbers.max() + 1 == len(teams) > 2))
+    avatars = np.arange(len(teams))
+    shades = ((avatars * _GOLDEN + 0.3) % 1.0)[:, None]
+    skins = np.array(_SKINS)[(avatars * 3 + avatars // 5) % len(_SKINS)]
+    given = np.zeros(len(teams), bool)
+    if colours is not None:
+        given[:] = np.isfinite(colours).all(axis=1)
+    plain, own = ~given & (not alone), ~given & alone
+    # A colour means itself; those of a team differ a little, by how light they are.
+    gloves = np.zeros((len(teams), 3)) if colours is None else np.array(colours, float)
+    trunks = gloves * _TRUNKS
+    which, inverse = np.unique(numbers[plain], return_inverse=True)
+    gloves[plain] = np.array([team_colour(int(team)) for team in which]).reshape(-1, 3)[inverse]
+    gloves[plain] *= 0.9 + 0.1 * shades[plain]
+    trunks[plain] = gloves[plain] * (_TRUNKS - 0.15 + 0.3 * shades[plain])
+    hues, vivid = (avatars * _GOLDEN) % 1.0, 0.62 + 0.25 * ((avatars * 0.7548776662 + 0.1) % 1.0)
+    gloves[own] = _from_hues(hues, np.full(len(teams), 0.88), np.full(len(teams), 0.86))[own]
+    trunks[own] = _from_hues(hues, vivid - 0.38 * np.abs(shades[:, 0] - 0.5), 0.42 + 0.5 * shades[:, 0])[own]
+    dress = {
+        "skin": skins,
+        "head": skins * 0.97,
+        "glove": gloves,
+        "shirt": np.where(own[:, None], skins, gloves),
+        "trunks": trunks,
+        "shoe": np.array((0.20, 0.20, 0.22)),
+    }
     paints = np.zeros((len(teams), len(PARTS) + 1, 4), np.float32)
     paints[:, EYES] = _EYES
-    for avatar, team in enumerate(numbers):
-        shade = (avatar * _GOLDEN + 0.3) % 1.0
-        skin = np.array(_SKINS[(avatar * 3 + avatar // 5) % len(_SKINS)])
-        given = colours is not None and bool(np.isfinite(colours[avatar]).all())
-        if alone and not given:
-            hue, vivid = (avatar * _GOLDEN) % 1.0, 0.62 + 0.25 * ((avatar * 0.7548776662 + 0.1) % 1.0)
-            glove = np.array(colorsys.hsv_to_rgb(hue, 0.88, 0.86))
-            trunks = np.array(colorsys.hsv_to_rgb(hue, vivid - 0.38 * abs(shade - 0.5), 0.42 + 0.5 * shade))
-        else:
-            # A colour means itself; those of a team differ a little, by how light they are.
-            glove = np.array(colours[avatar] if given and colours is not None else team_colour(int(team)), float)
-            glove = glove * (1.0 if given else 0.9 + 0.1 * shade)
-            trunks = glove * (_TRUNKS if given else _TRUNKS - 0.15 + 0.3 * shade)
-        dress = {
-            "skin": skin,
-            "head": skin * 0.97,
-            "glove": glove,
-            "shirt": skin if alone and not given else glove,
-            "trunks": trunks,
-            "shoe": np.array((0.20, 0.20, 0.22)),
-        }
-        for part, name in enumerate(PARTS):
-            paints[avatar, part, :3] = dress[name] ** 2.0
-            paints[avatar, part, 3] = _GLOSS[name]
+    for part, name in enumerate(PARTS):
+        paints[:, part, :3] = dress[name] ** 2.0
+        paints[:, part, 3] = _GLOSS[name]
     return paints
+
+
+def _from_hues(hues: Array, vivid: Array, bright: Array) -> Array:
+    """Return colours of hues, saturations and values (N,), as ``colorsys.hsv_to_rgb`` does. Shape (N, 3)."""
+    sector = np.floor(hues * 6.0).astype(int)
+    part = hues * 6.0 - sector
+    levels = np.stack([bright, bright * (1.0 - vivid), bright * (1.0 - vivid * part),
+                       bright * (1.0 - vivid * (1.0 - part))], axis=1)  # fmt: skip
+    return np.take_along_axis(levels, _SECTORS[sector % 6], axis=1)
 
 
 def capsule_paints(paints: Array, bare: Array) -> Array:

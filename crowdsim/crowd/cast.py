@@ -171,12 +171,12 @@ class Cast:
         """Which avatars have bare hands. Shape (N,), bool."""
         return np.asarray(np.array([hands == "bare" for _, hands in self.bodies], bool)[self.types])
 
-    @property
+    @cached_property
     def widths(self) -> Array:
         """How thick bodies are: sizes times girths. Shape (N,), float64."""
         return np.asarray(np.asarray(self.scales, float) * self.girths)
 
-    @property
+    @cached_property
     def stretches(self) -> Array:
         """How long bones of trunks, legs and arms are for the size of the body. Shape (N, 3), float64."""
         return np.stack([np.ones(len(self.legs)), self.legs, self.arms], axis=1).astype(float)

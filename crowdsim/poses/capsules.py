@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -53,22 +53,14 @@ def capsule_order(body: Body) -> Array:
     return np.argsort(body.capsule_joints != body.roles["pelvis"], kind="stable")
 
 
-def place_capsules(bodies: Iterable[PosedBodies], times: int, count: int, threads: int = 1) -> Capsules:
-    """Return the capsules of avatars at ``times`` times in ``count`` columns, those of each in ``capsule_order``."""
-    bodies = list(bodies)
+def size_capsules(bodies: Sequence[PosedBodies], count: int) -> tuple[Array, Array, Array]:
+    """Return radii, bounds and counts of ``Capsules`` of avatars in ``count`` columns, however they are posed."""
     most = max((len(posed.body.capsule_joints) for posed in bodies), default=0)
-    whole = sum(len(posed.columns) for posed in bodies if len(posed.body.capsule_joints) == most) == count
-    shape = 2, times, count, most, 3
-    ends = np.empty(shape, np.float32) if whole else np.full(shape, np.nan, np.float32)
     radii, bounds, counts = np.zeros((count, most, 2)), np.zeros((count, most)), np.zeros(count, np.int64)
     for posed in bodies:
         body, columns, scales = posed.body, posed.columns, posed.scales
-        sizes = np.asarray(scales, dtype=float)[:, None] * posed.stretches
         order = capsule_order(body)
-        joints, own, segments = body.capsule_joints[order], np.arange(len(order)), capsule_segments(body)[order]
-        offsets = np.stack([body.capsule_starts[order], body.capsule_ends[order]]).astype(float)
-        share(len(columns) * times, place_ends, posed.positions, posed.rotations, sizes, joints, segments, offsets,
-              columns, ends, threads=threads)  # fmt: skip
+        own, segments = np.arange(len(order)), capsule_segments(body)[order]
         swells = swelling_capsules(body.capsule_parts)[order]
         widths = np.where(swells, posed.girths[:, None], 1.0) * scales[:, None]
         radii[columns[:, None], own] = body.capsule_radii[order] * widths[..., None]
@@ -76,4 +68,31 @@ def place_capsules(bodies: Iterable[PosedBodies], times: int, count: int, thread
         halves = halves * np.asarray(scales)[:, None] * posed.stretches[:, segments].astype(scales.dtype)
         bounds[columns[:, None], own] = (halves + body.capsule_radii.max(axis=1)[order] * widths) * 1.001
         counts[columns] = len(order)
+    return radii, bounds, counts
+
+
+def place_capsules(
+    bodies: Sequence[PosedBodies],
+    times: int,
+    count: int,
+    threads: int = 1,
+    sizes: tuple[Array, Array, Array] | None = None,
+) -> Capsules:
+    """Return the capsules of avatars at ``times`` times in ``count`` columns, those of each in ``capsule_order``.
+
+    ``sizes`` are what ``size_capsules`` returns of them, where that is known.
+    """
+    radii, bounds, counts = size_capsules(bodies, count) if sizes is None else sizes
+    most = bounds.shape[1]
+    whole = sum(len(posed.columns) for posed in bodies if len(posed.body.capsule_joints) == most) == count
+    shape = 2, times, count, most, 3
+    ends = np.empty(shape, np.float32) if whole else np.full(shape, np.nan, np.float32)
+    for posed in bodies:
+        body, columns = posed.body, posed.columns
+        lengths = np.asarray(posed.scales, dtype=float)[:, None] * posed.stretches
+        order = capsule_order(body)
+        joints, segments = body.capsule_joints[order], capsule_segments(body)[order]
+        offsets = np.stack([body.capsule_starts[order], body.capsule_ends[order]]).astype(float)
+        share(len(columns) * times, place_ends, posed.positions, posed.rotations, lengths, joints, segments, offsets,
+              columns, ends, threads=threads)  # fmt: skip
     return Capsules(ends[0], ends[1], radii, bounds, counts)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.record import TakeData
@@ -48,8 +47,8 @@ def near_fallen(
     for row in np.flatnonzero(down.any(axis=1)):
         places = np.stack([np.asarray(values[first + row], dtype=float) for values in (take.x, take.z)], axis=-1)
         here = np.flatnonzero(np.isfinite(places[avatars, 0]))
-        far, _ = cKDTree(places[around[down[row]]]).query(places[avatars[here]])
-        near[row, here] = far < distance
+        ways = places[avatars[here], None] - places[around[down[row]]]
+        near[row, here] = (np.sqrt(np.sum(ways * ways, axis=-1)) < distance).any(axis=1)
     return near
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import binary_dilation
 
 from crowdsim.core.types import Array
 from crowdsim.crowd.record import TakeData
+from crowdsim.poses.smoothing import widen
 
 TOUCH = 3.1
 """Distance on the ground beyond which no two avatars touch [m]."""
@@ -39,7 +39,7 @@ def near_avatars(take: TakeData, avatars: Array, first: int, stop: int) -> Array
         cell = max(TOUCH / 3.0, float((high - low).max()) / _MOST_CELLS)
         cells = np.zeros(((high - low) / cell).astype(int) + 1, bool)
         cells[tuple(((places - low[:, None]) / cell).astype(int))] = True
-        cells = binary_dilation(cells, np.ones((2 * int(np.ceil(TOUCH / cell)) + 1,) * 2, bool))
+        cells = widen(cells, int(np.ceil(TOUCH / cell)))
         found = np.zeros(inside.shape, bool)
         around = np.stack([x[:, others][inside], z[:, others][inside]])
         found[inside] = cells[tuple(((around - low[:, None]) / cell).astype(int))]

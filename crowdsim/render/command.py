@@ -11,7 +11,6 @@ from crowdsim.bvh.people import split_person
 from crowdsim.core.types import FileName, Progress
 from crowdsim.errors import CrowdsimError, OutputError
 from crowdsim.render.batch import Record, Rendered, render
-from crowdsim.render.bvh_figure import BVH_CAMERA, bvh_source
 from crowdsim.render.look import Look
 from crowdsim.render.options import RenderOptions
 from crowdsim.render.source import PoseSource
@@ -97,6 +96,8 @@ def render_bvh(
         TakeError: Frames are asked for that it does not have.
         OutputError: A file cannot be written.
     """
+    from crowdsim.render.bvh_figure import BVH_CAMERA, bvh_source
+
     source, findings = bvh_source(path, options.fps)
     return render(source, out, _with_camera(options, BVH_CAMERA), progress, record), findings
 

@@ -169,3 +169,9 @@ def test_a_given_colour_replaces_the_teams():
     plain, given = avatar_paints([0, 1, 0, 1]), avatar_paints([0, 1, 0, 1], colours)
     np.testing.assert_array_equal(plain[[0, 1, 3]], given[[0, 1, 3]])
     assert hues(given[2:3], "glove")[0] == pytest.approx(colorsys.rgb_to_hsv(0.1, 0.8, 0.2)[0], abs=0.02)
+
+
+def test_hues_of_their_own_are_those_of_colorsys():
+    paints = avatar_paints(np.arange(300))
+    expected = [colorsys.hsv_to_rgb(avatar * 0.6180339887498949 % 1.0, 0.88, 0.86) for avatar in range(300)]
+    np.testing.assert_array_equal(paints[:, PARTS.index("glove"), :3], (np.array(expected) ** 2.0).astype(np.float32))

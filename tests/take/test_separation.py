@@ -72,8 +72,12 @@ def test_bodies_that_touch_are_those_that_are_pushed(seed: int) -> None:
     points, radii = crowd(seed, times=6, count=8)
     points[..., [0, 2]] *= 2.0
     order = np.argsort(points[:, :, 2, 0], axis=1)
-    touching, found = np.empty(points.shape[:2], bool), np.empty((*points.shape[:2], 2))
-    find_touching(0, len(points), points, radii, order, touching)
+    touching, found = np.zeros(points.shape[:2], bool), np.empty((*points.shape[:2], 2))
+    for time, row in enumerate(touching):
+        find_touching(time, time + 1, points, radii, order, row)
+    ever = np.zeros(points.shape[1], bool)
+    find_touching(0, len(points), points, radii, order, ever)
+    np.testing.assert_array_equal(ever, touching.any(axis=0))
     push_trunks(0, len(points), points, radii, order, np.arange(len(points)), found)
     np.testing.assert_array_equal(touching, (found != 0.0).any(axis=-1))
     assert 0.1 < touching.mean() < 0.9

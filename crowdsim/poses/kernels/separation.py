@@ -166,7 +166,7 @@ def _note_places(points, t, order, xs, zs):
 
 @kernel
 def find_touching(first, stop, points, radii, order, touching):
-    """Find which bodies are in another one, or so near that they give way, at each of T times.
+    """Find which bodies are, at any of T times, in another one, or so near that they give way.
 
     Args:
         first: First of the times.
@@ -174,14 +174,12 @@ def find_touching(first, stop, points, radii, order, touching):
         points: The ``POINTS`` of each avatar, NaN while absent [m]. Shape (T, N, 11, 3).
         radii: Radii of its ``PIECES`` at both ends [m]. Shape (N, 7, 2).
         order: The avatars by x of the pelvis, absent ones last. Shape (T, N).
-        touching: Written. Shape (T, N), bool.
+        touching: True is written for these; bodies that are known are not compared again. Shape (N,), bool.
     """
     count = order.shape[1]
     xs, zs = np.empty(count, np.float32), np.empty(count, np.float32)
     for t in range(first, stop):
         _note_places(points, t, order[t], xs, zs)
-        for n in range(count):
-            touching[t, n] = False
         for i in range(count):
             if not math.isfinite(xs[i]):
                 break
@@ -190,8 +188,10 @@ def find_touching(first, stop, points, radii, order, touching):
                 if not xs[j] - xs[i] < NEAR:
                     break
                 a, b = order[t, i], order[t, j]
-                if abs(zs[j] - zs[i]) < NEAR and _depth(points[t, a], points[t, b], radii[a], radii[b]) > -_GIVES:
-                    touching[t, a] = touching[t, b] = True
+                if not abs(zs[j] - zs[i]) < NEAR or (touching[a] and touching[b]):
+                    continue
+                if _depth(points[t, a], points[t, b], radii[a], radii[b]) > -_GIVES:
+                    touching[a] = touching[b] = True
 
 
 @kernel

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import correlate1d
 
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
@@ -13,6 +12,7 @@ from crowdsim.poses.kernels.turning import Turning, turn_joints
 from crowdsim.poses.layer import Layer, Part, Scheduler
 from crowdsim.poses.limbs import chain_of, turning_of
 from crowdsim.poses.motion import PoseMotion
+from crowdsim.poses.smoothing import smooth
 
 _SHARES = {"spine": 0.4, "chest": 0.6, "neck": -0.5, "head": -0.5}
 """Shares of a breath; a joint with two roles has both."""
@@ -78,7 +78,7 @@ class Breathing(Layer):
         for index, motion in enumerate(self.poser.motions):
             here = (action >= 0) & (take.cast.policies[avatars] == index)
             ways[here] = motion.breathes[motion.frames_at(action[here], done[here].astype(float))]
-        ways = correlate1d(ways, _SMOOTH, axis=0, mode="nearest")[frames - low]
+        ways = smooth(ways, _SMOOTH)[frames - low]
         found = np.zeros(ways.shape)
         for column in np.flatnonzero(ways.any(axis=0)):
             number, times = int(avatars[column]), frames / take.control_rate

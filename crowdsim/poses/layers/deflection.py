@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
-from scipy.ndimage import correlate1d
 
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.motion.strikers import CARRIERS
 from crowdsim.poses.capsule_weights import ride_along
-from crowdsim.poses.capsules import PosedBodies, place_capsules
+from crowdsim.poses.capsules import PosedBodies, place_capsules, size_capsules
 from crowdsim.poses.down_state import fallen_rows, near_fallen
 from crowdsim.poses.hits import Landed, by_column
 from crowdsim.poses.kept import Kept
@@ -20,6 +21,7 @@ from crowdsim.poses.kernels.limb_moves import END, MOVED
 from crowdsim.poses.kernels.records import Offsets, Posed
 from crowdsim.poses.layer import Block, Part, Reader, Scheduler
 from crowdsim.poses.neighbours import near_avatars
+from crowdsim.poses.smoothing import smooth
 from crowdsim.poses.together import each
 
 _LANDS = 0.1
@@ -36,6 +38,22 @@ _ASIDE, _BESIDE = 0.25, 1.4
 """How far they move at the most that a body is near which is down; and how near that is [m]."""
 POSES_AT_ONCE, _TIMES_AT_ONCE, _FRAMES_AT_ONCE = 8_000, 4, 1024
 """Most poses that limbs are deflected in at once, but for so many times; and most frames for which others are posed."""
+
+
+class _Bodies(NamedTuple):
+    """What limbs are pushed out of, and what they are, at any time; n avatars of K capsules.
+
+    Attributes:
+        bodies: Those of each block, not posed.
+        sizes: Radii, bounds and counts of their capsules.
+        limbs: See ``MovingLimbs``. Shape (n, K).
+        weights: Likewise. Shape (n, K, 2, 2).
+    """
+
+    bodies: list[PosedBodies]
+    sizes: tuple[Array, Array, Array]
+    limbs: Array
+    weights: Array
 
 
 class Deflection(Reader):
@@ -88,8 +106,10 @@ class Deflection(Reader):
             return
         some = some[np.isin(frames[some], missing, assume_unique=True)]
 
+        known = self._bodies_of(posed, blocks)
+
         def find(here: Array) -> None:
-            moves = self._deflect(times[here], avatars_missing, posed, blocks, here)
+            moves = self._deflect(times[here], avatars_missing, posed, blocks, here, known)
             self.moves.note(frames[here], avatars_missing, moves)
 
         at_once = max(_TIMES_AT_ONCE, POSES_AT_ONCE // len(posed))
@@ -107,8 +127,8 @@ class Deflection(Reader):
         # Where a take begins and ends, its first and its last time stand for those beyond.
         grid, slow, rate = self._grid(first, last), self._slow(first, last), self.poser.take.control_rate
         fast = found[np.searchsorted(frames, grid)]
-        moves = correlate1d(fast, _LIMBS, axis=0, mode="nearest")
-        moves[:, :, 2:, END] = correlate1d(fast[:, :, 2:, END], _FEET, axis=0, mode="nearest")
+        moves = smooth(fast, _LIMBS)
+        moves[:, :, 2:, END] = smooth(fast[:, :, 2:, END], _FEET)
         shown = self.moves.around(first, last)
         moves = moves[shown - grid[0]]
         if len(slow):
@@ -162,47 +182,60 @@ class Deflection(Reader):
             times = frames[here] / self.moves.rate
             near = near_avatars(self.poser.take, avatars, int(rows[here].min()), int(rows[here].max()) + 1)
             blocks = self.poser.stretch(lambda block: block, near, times, self.needs[0])
-            at_once = max(_TIMES_AT_ONCE, POSES_AT_ONCE // len(near))
+            at_once, known = max(_TIMES_AT_ONCE, POSES_AT_ONCE // len(near)), self._bodies_of(near, blocks)
             for at in range(0, len(times), at_once):
                 some = np.arange(at, min(at + at_once, len(times)))
-                found[here][some] = self._deflect(times[some], avatars, near, blocks, some)
+                found[here][some] = self._deflect(times[some], avatars, near, blocks, some, known)
         return found
 
-    def _deflect(self, times: Array, asked: Array, near: Array, blocks: list[Block], rows: Array) -> Array:
+    def _bodies_of(self, near: Array, blocks: list[Block]) -> _Bodies:
+        """What there is to know of avatars (n,), however they are posed."""
+        cast, bodies, unknown = self.poser.take.cast, [], np.empty(0)
+        scales, girths = np.asarray(cast.scales, dtype=np.float64)[near], np.asarray(cast.girths, dtype=float)[near]
+        for block in blocks:
+            which, body = block.which, self.poser.motions[block.part.policy].body
+            lengths = cast.stretches[near[which]]
+            bodies.append(PosedBodies(body, which, scales[which], girths[which], lengths, unknown, unknown))
+        sizes = size_capsules(bodies, len(near))
+        limbs, weights = np.full(sizes[1].shape, -1, np.int64), np.zeros((*sizes[1].shape, MOVED, 2))
+        for block in blocks:
+            riding, along = self._riding[block.part.policy]
+            own = np.arange(len(riding))
+            limbs[block.which[:, None], own], weights[block.which[:, None], own] = riding, along
+        return _Bodies(bodies, sizes, limbs, weights)
+
+    def _deflect(
+        self, times: Array, asked: Array, near: Array, blocks: list[Block], rows: Array, known: _Bodies
+    ) -> Array:
         """Moves of avatars (M,) among those near them (n,) at times (T,), rows of blocks. Shape (T, M, 4, 2, 3)."""
         moves = np.zeros((len(times), len(asked), LIMBS, MOVED, 3), np.float32)
         if len(near) < 2:
             return moves
         take, motions, threads = self.poser.take, self.poser.motions, self.poser.threads
-        cast, posed = take.cast, []
-        scales, girths = np.asarray(cast.scales, dtype=np.float64)[near], np.asarray(cast.girths, dtype=float)[near]
-        for block in blocks:
-            which, joints = block.which, block.joints(rows)
-            body, stretches = motions[block.part.policy].body, cast.stretches[near[which]]
-            posed.append(PosedBodies(body, which, scales[which], girths[which], stretches, *joints))
-        capsules = place_capsules(posed, len(times), len(near), threads)
+        posed = []
+        for block, bodies in zip(blocks, known.bodies, strict=True):
+            positions, rotations = block.joints(rows)
+            posed.append(bodies._replace(positions=positions, rotations=rotations))
+        capsules = place_capsules(posed, len(times), len(near), threads, known.sizes)
         frames = np.clip(np.rint(times * take.control_rate).astype(np.int64), 0, take.frame_count - 1)
         down = fallen_rows(take, motions, int(frames.min()), int(frames.max()) + 1, near)
         limbs = MovingLimbs(
             np.empty((len(times), len(near), LIMBS, 3, 3), np.float32),
-            np.full(capsules.bounds.shape, -1, np.int64),
-            np.zeros((*capsules.bounds.shape, MOVED, 2)),
+            known.limbs,
+            known.weights,
             _landing(self.poser.landed, near, times),
             np.ones((len(times), len(near), LIMBS)),
             np.ascontiguousarray(down[frames - frames.min()]),
         )
         for block, bodies in zip(blocks, posed, strict=True):
-            motion, (riding, weights) = motions[block.part.policy], self._riding[block.part.policy]
-            moments = block.part.moments
+            motion, moments = motions[block.part.policy], block.part.moments
             freedom = block.part.window.free_feet(moments._replace(times=moments.times[rows]))
             limbs.freedom[:, block.which, 2:] = self.planted + (1.0 - self.planted) * freedom
             moving = np.concatenate([motion.arms.joints, motion.legs.joints])
             limbs.joints[:, block.which] = bodies.positions[:, :, moving]
-            own = np.arange(len(riding))
-            limbs.limbs[block.which[:, None], own] = riding
-            limbs.weights[block.which[:, None], own] = weights
         order = np.argsort(capsules.starts[:, :, 0, 0], axis=1, kind="stable")
-        ranks, columns = np.argsort(order, axis=1, kind="stable"), np.searchsorted(near, asked)
+        ranks, columns = np.empty_like(order), np.searchsorted(near, asked)
+        np.put_along_axis(ranks, order, np.arange(len(near))[None], axis=1)
         # Those near one another come after one another, since they read the same.
         along = np.argsort(ranks[len(times) // 2, columns])
         columns = columns[along]
@@ -249,10 +282,11 @@ def _landing(landed: Landed, avatars: Array, times: Array) -> Array:
     some = some.of(~some.missed & (CARRIERS[some.limbs] >= 0))
     column = np.minimum(np.searchsorted(avatars, some.attackers), len(avatars) - 1)
     known = np.flatnonzero(avatars[column] == some.attackers)
-    lows, highs = np.searchsorted(times, some.times - _LANDS), np.searchsorted(times, some.times + _LANDS, side="right")
-    for strike in known:
-        rows = slice(lows[strike], highs[strike])
-        close = np.clip(2.0 - 2.0 * np.abs(times[rows] - some.times[strike]) / _LANDS, 0.0, 1.0)
-        limb = near[rows, column[strike], CARRIERS[some.limbs[strike]]]
-        np.maximum(limb, close, out=limb)
+    if not len(known):
+        return near
+    limbs, which = np.unique(LIMBS * column[known] + CARRIERS[some.limbs[known]], return_inverse=True)
+    known = known[np.argsort(which, kind="stable")]
+    close = np.clip(2.0 - 2.0 * np.abs(times[:, None] - some.times[known]) / _LANDS, 0.0, 1.0)
+    firsts = np.searchsorted(np.sort(which), np.arange(len(limbs)))
+    near[:, limbs // LIMBS, limbs % LIMBS] = np.maximum.reduceat(close, firsts, axis=1)
     return near

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import correlate1d
 
 from crowdsim.core.easing import ease
 from crowdsim.core.types import Array
@@ -15,6 +14,7 @@ from crowdsim.poses.kernels.records import Offsets, Posed
 from crowdsim.poses.kernels.turning import turn_joints
 from crowdsim.poses.layer import Layer, Part, Scheduler
 from crowdsim.poses.limbs import turning_of
+from crowdsim.poses.smoothing import smooth
 
 _SHARES = {"neck": 0.4, "head": 0.6}
 """Shares of a turn."""
@@ -140,7 +140,7 @@ class HeadTurns(Layer):
             # A head that the motion itself turns further stays as it is.
             turns[here] = np.where(motion.down[playback], 0.0, _kept(turned + error) - _kept(turned))
         # Where a take begins and ends, its first and its last frame stand for those beyond.
-        return correlate1d(turns, _SMOOTH, axis=0, mode="nearest")[frames - low]
+        return smooth(turns, _SMOOTH)[frames - low]
 
 
 def _ways(take: TakeData, first: int, stop: int, avatars: Array) -> Array:

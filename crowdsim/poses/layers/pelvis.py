@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
 from crowdsim.core.types import Array
 from crowdsim.poses.kept import Kept
 from crowdsim.poses.kernels.records import Offsets
 from crowdsim.poses.layer import Block, Layer, Part, Scheduler
+from crowdsim.poses.smoothing import highest
 
 _WIDE, _FINE = 1, 2
 """How long a pelvis stays down before and after it has to be, so that splines reach nearly as far down [control
@@ -42,7 +42,7 @@ class Lowering(Layer):
         """Return how far pelvises of avatars (n,) go down at control frames ``first`` to ``stop`` [m]. Shape (T, n)."""
         low, high = max(first - _WIDE, 0), min(stop + _WIDE, self.poser.take.frame_count)
         lacks = self.lacks.rows(np.arange(low, high), avatars)
-        return np.asarray(maximum_filter1d(lacks, 2 * _WIDE + 1, axis=0, mode="nearest")[first - low : stop - low])
+        return highest(lacks, _WIDE)[first - low : stop - low]
 
     def _find(self, frames: Array, avatars: Array) -> Array:
         """Find how far pelvises of avatars (n,) would have to go down about control frames (T,). Shape (T, n)."""

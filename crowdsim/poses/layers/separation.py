@@ -94,10 +94,10 @@ class Separation(Layer):
         rows = _around(FINE * frames, FINE, last)
         near = near_avatars(take, avatars, int(rows[0]) // FINE, -(-int(rows[-1]) // FINE) + 1)
         points, found = self._points(rows, near), np.zeros((len(frames), len(avatars), 2), np.float32)
-        touching = np.empty(points.shape[:2], bool)
+        touching = np.zeros(len(near), bool)
         self._share(find_touching, len(rows), points, self._radii[near], _by_x(points), touching)
         # Which way bodies go depends on how they meet, before and after; most of a crowd touch nobody.
-        touch = np.flatnonzero(touching.any(axis=0))
+        touch = np.flatnonzero(touching)
         if not len(touch):
             return found
         path, near, points = _around(rows, AROUND, last), near[touch], points[:, touch]
