@@ -1,6 +1,7 @@
 """Slow, obvious twins of the separation of trunks."""
 
 import itertools
+import math
 
 import numpy as np
 
@@ -10,21 +11,39 @@ from crowdsim.poses.capsules import trunk_capsules
 
 def distance_to_point(p, q, point):
     """Least distance of a point from the segment p q."""
-    way = q - p
-    share = np.clip(way @ (point - p) / (way @ way), 0.0, 1.0) if way @ way > 0.0 else 0.0
-    return float(np.linalg.norm(p + share * way - point))
+    way = _way(p, q)
+    squared = _dot(way, way)
+    share = min(max(_dot(way, _way(p, point)) / squared, 0.0), 1.0) if squared > 0.0 else 0.0
+    return math.dist(_along(p, way, share), point)
 
 
 def distance(p, q, r, s):
-    """Least distance of the segments p q and r s: at an end, or where their lines are nearest if that is in both."""
-    p, q, r, s = (np.asarray(point, dtype=float) for point in (p, q, r, s))
+    """Least distance of the segments p q and r s: at an end, or where their lines are nearest if that is in both.
+
+    In plain numbers: for vectors as short as these, each call of numpy takes longer than all of it.
+    """
+    p, q, r, s = (np.asarray(point, dtype=float).tolist() for point in (p, q, r, s))
     found = [distance_to_point(p, q, r), distance_to_point(p, q, s)]
     found += [distance_to_point(r, s, p), distance_to_point(r, s, q)]
-    ways = np.stack([q - p, r - s], axis=1)
-    shares, _, rank, _ = np.linalg.lstsq(ways, r - p, rcond=None)
-    if rank == 2 and (shares >= 0.0).all() and (shares <= 1.0).all():
-        found.append(float(np.linalg.norm(p + ways @ shares - r)))
+    u, v, w = _way(p, q), _way(r, s), _way(r, p)
+    a, b, c, d, e = _dot(u, u), _dot(u, v), _dot(v, v), _dot(u, w), _dot(v, w)
+    if (square := a * c - b * b) > 1e-12 * a * c:
+        shares = (b * e - c * d) / square, (a * e - b * d) / square
+        if min(shares) >= 0.0 and max(shares) <= 1.0:
+            found.append(math.dist(_along(p, u, shares[0]), _along(r, v, shares[1])))
     return min(found)
+
+
+def _way(p, q):
+    return [b - a for a, b in zip(p, q, strict=True)]
+
+
+def _along(p, way, share):
+    return [a + share * step for a, step in zip(p, way, strict=True)]
+
+
+def _dot(one, other):
+    return sum(a * b for a, b in zip(one, other, strict=True))
 
 
 def nearest(p, q, r, s):

@@ -12,6 +12,7 @@ from scenes import crowdsim, write_scene
 import crowdsim as package
 from crowdsim.policy import bundle
 from crowdsim.training.packing import pack_policy, unpack_policy
+from crowdsim.training.train import train_recipe
 
 TINY = (Path(__file__).parent / "tiny_policy.yaml").read_text(encoding="utf-8")
 BEARING, STRIKE = "      bearing: {count: 8}\n", "    rewards:\n      - {kind: strike"
@@ -30,7 +31,10 @@ SHOWN = {
 
 @pytest.fixture(scope="module", params=FURTHER.keys())
 def trained(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """A working folder with the trained policy ``tiny`` in bytes, whose grids have further axes, and which ones."""
+    """A working folder with the trained policy ``tiny``, whose grids have further axes, and which ones.
+
+    Its values are floats as in other tests: control is compiled for each type of values anew.
+    """
     folder = tmp_path_factory.mktemp("axes")
     axes, reward = FURTHER[request.param]
     recipe = TINY.replace(BEARING, BEARING + axes[0], 1)
@@ -38,7 +42,7 @@ def trained(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     recipe = head + BEARING + "".join(axes) + punch.replace(STRIKE, f"    lookup: q\n{STRIKE}")
     recipe = recipe.replace("      - {kind: strike", f"{reward}      - {{kind: strike")
     (folder / "policies").mkdir()
-    (folder / "policies" / "tiny.yaml").write_text(f"{recipe}precision: int8\n", encoding="utf-8")
+    (folder / "policies" / "tiny.yaml").write_text(recipe, encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         assert crowdsim("train", "tiny", "--threads", "1") == 0
@@ -52,14 +56,23 @@ def names(trained: tuple[Path, str], monkeypatch: pytest.MonkeyPatch) -> str:
     return trained[1]
 
 
+def in_bytes(folder: Path) -> Path:
+    """Write the recipe for a policy in bytes into a folder."""
+    recipe = Path("policies/tiny.yaml").read_text(encoding="utf-8")
+    (folder / "policies").mkdir()
+    (folder / "policies" / "tiny.yaml").write_text(f"{recipe}precision: int8\n", encoding="utf-8")
+    return folder / "policies" / "tiny.yaml"
+
+
 def test_the_bundle_names_the_axes_and_unpacks_as_it_was_packed(names: str, tmp_path: Path) -> None:
-    policy = bundle.load_policy("policies/tiny")
+    trained = train_recipe(in_bytes(tmp_path), threads=1)[0]
+    policy = bundle.load_policy(trained)
     further = names.split(" and ")
     found = [[axis.name for axis in behaviour.grid.axes] for behaviour in policy.behaviours]
     assert found == [["distance", "bearing", further[0]], ["distance", "bearing", "height", *further]]
-    pack_policy(Path("policies/tiny"), tmp_path / "packed")
+    pack_policy(trained, tmp_path / "packed")
     unpack_policy(tmp_path / "packed" / "tiny.json", tmp_path / "unpacked")
-    for path in Path("policies/tiny").iterdir():
+    for path in trained.iterdir():
         assert (tmp_path / "unpacked" / path.name).read_bytes() == path.read_bytes()
 
 
@@ -80,3 +93,15 @@ def test_a_scenario_runs_with_it_and_strikes_land(names: str, tmp_path: Path) ->
     scene = write_scene(tmp_path / "four.yaml")
     assert crowdsim("run", scene, "--out", tmp_path / "run", "--frames", "150", "--quiet") == 0
     assert np.asarray(package.open_run(tmp_path / "run").take.events.landed).any()
+
+
+@pytest.mark.slow
+def test_a_policy_in_bytes_is_trained_inspected_and_run(
+    names: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    in_bytes(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    scene = write_scene(tmp_path / "four.yaml")
+    for words in (("train", "tiny"), ("inspect", "policies/tiny"), ("run", scene, "--out", "run", "--frames", "150")):
+        assert crowdsim(*words) == 0
+    assert np.asarray(package.open_run("run").take.events.landed).any()

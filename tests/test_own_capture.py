@@ -6,6 +6,7 @@ import json
 import re
 import shlex
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,19 @@ from scenes import crowdsim
 
 from crowdsim.performer.session import write_performance
 from crowdsim.take.figures_text import percent
+from crowdsim.training import fit_recipe
 from crowdsim.training.recipe import load_recipe
+
+
+@pytest.fixture(scope="module", autouse=True)
+def floats() -> Iterator[None]:
+    """Let recipes be written for values in floats, as those of other tests: control is compiled for each type anew."""
+    settings, blocks = fit_recipe._template()
+    assert settings.count("precision: int16") == 1
+    with pytest.MonkeyPatch.context() as patch:
+        changed = settings.replace("precision: int16", "precision: float32")
+        patch.setattr(fit_recipe, "_template", lambda: (changed, dict(blocks)))
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -38,3 +41,22 @@ def digests(folder: Path) -> dict[str, dict[str, str]]:
 def results(folder: Path) -> dict[str, dict[str, Any]]:
     """Return what came of the runs of a batch, by id."""
     return {path.stem: json.loads(path.read_text()) for path in sorted((folder / "results").glob("*.json"))}
+
+
+@contextmanager
+def serving(**workers: Any) -> Iterator[str]:
+    """Give the address of a scheduler with some workers; Dask's configuration has the certificates for it."""
+    import dask
+    from distributed import LocalCluster, Security
+
+    security = Security.temporary()
+    own = {
+        "ca-file": security.tls_ca_file,
+        "client.cert": security.tls_client_cert,
+        "client.key": security.tls_client_key,
+    }
+    with (
+        LocalCluster(dashboard_address=None, silence_logs=logging.CRITICAL, security=security, **workers) as cluster,
+        dask.config.set({f"distributed.comm.tls.{key}": value for key, value in own.items()}),
+    ):
+        yield cluster.scheduler_address

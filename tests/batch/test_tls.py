@@ -6,12 +6,13 @@ import ssl
 import stat
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import psutil
 import pytest
-from batches import write_batch
+from batches import serving, write_batch
 from scenes import crowdsim
 
 from crowdsim.batch.workers import BatchOptions, connect, dashboard_address, find_certificates
@@ -43,6 +44,13 @@ def stranger() -> ssl.SSLContext:
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
     return context
+
+
+@pytest.fixture
+def scheduler() -> Iterator[str]:
+    """Address of a scheduler with a worker in this process; Dask's configuration has the certificates for it."""
+    with serving(n_workers=1, processes=False, protocol="tls://") as address:
+        yield address
 
 
 @pytest.fixture

@@ -47,8 +47,7 @@ def crowd(count=12, seed=0, weight=1.0, reaction=3, **other):
     return build_crowd(x * 0.7 + jitter[0], z * 0.7 + jitter[1], rng.uniform(-3, 3, count), **fields)
 
 
-@pytest.mark.parametrize("reaction", [0, 2, 3])
-@pytest.mark.parametrize("team", [None, np.arange(12) % 2])
+@pytest.mark.parametrize(("reaction", "team"), [(0, None), (2, np.arange(12) % 2), (3, None)])
 def test_defence_is_that_of_the_naive_twin(reaction, team, monkeypatch):
     people, seen = crowd(reaction=reaction, team=team), []
     sees = naive_defence.sees

@@ -11,6 +11,7 @@ import pytest
 from scenes import crowdsim, write_scene
 from test_runner import tree
 
+from crowdsim.figures import new_figure
 from crowdsim.runs.manifest import (
     EXPORT,
     MOST_BYTES,
@@ -24,6 +25,7 @@ from crowdsim.runs.manifest import (
     signed_manifest,
     signed_text,
 )
+from crowdsim.take import plots
 
 PICTURE = ("render", "run", "--png", "--size", "32x24", "--frames", "0:1", "--camera", "top")
 COMMANDS = [
@@ -41,8 +43,10 @@ COMMANDS = [
 
 
 @pytest.fixture
-def place(workplace: Path, finish: Callable[..., None]) -> Path:
-    """A folder with a run, and beside it files of the user."""
+def place(workplace: Path, finish: Callable[..., None], monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a run, and beside it files of the user; plots are written as ever, and empty."""
+    for name in ("hit_figure", "distance_figure", "action_figure"):
+        monkeypatch.setattr(plots, name, lambda _: new_figure(0.1, 0.1, None))
     write_scene(workplace / "four.yaml")
     finish(workplace)
     (workplace / "victim" / "bvh").mkdir(parents=True)
