@@ -19,7 +19,7 @@ from crowdsim.crowd.kernels.observe import AT_HAND, WALKS
 from crowdsim.crowd.kernels.opponents import AVERTED, BEHIND, ENGAGED, HIT, REMEMBERED
 from crowdsim.crowd.kernels.resolve import FOOT
 from crowdsim.crowd.kernels.resolve import GUARDED as LET_THROUGH
-from crowdsim.crowd.kernels.shown_motion import CELL, LATEST
+from crowdsim.crowd.kernels.shown_motion import CELL, LATEST, NONE
 from crowdsim.crowd.kernels.terms import variety
 from crowdsim.crowd.kernels.terms.collision_avoidance import BYSTANDERS, FURTHEST, HALTED, LIGHT, PUSHED, STEP
 from crowdsim.crowd.kernels.terms.facing import FROM, THRONG, TURNED
@@ -241,7 +241,7 @@ def run(crowd, policies, frames):
             one.decided = False
             if frame > 0:
                 one.phase_before = min(one.phase, one.length)
-                one.phase += one.speed
+                one.phase = float(np.float32(one.phase + one.speed))  # phases are stored in single precision
         due = [one for one in avatars if one.phase >= one.length]
         targets = target_positions(paths, frame - 1, 2 + FORESEEN, policies[0].database.control_rate)
         chosen = [decide(one, avatars, crowd, targets, frame, marks) for one in due]
@@ -528,7 +528,8 @@ def repetition(one, action, frame, marks, avatars):
     state = twin_of(one, action)
     last = marks.get(mark_of(one.stands(), state, avatars), -math.inf)
     lately = frame - last < variety.LATELY
-    return (variety.OTHERS if lately else 0.0) + variety.OWN * (state in one.shown[-LATEST:])
+    own = [shown % NONE for shown in one.shown[-LATEST:]]
+    return (variety.OTHERS if lately else 0.0) + variety.OWN * (state % NONE in own)
 
 
 def throws_too(one, other, action, frame):

@@ -27,7 +27,7 @@ from crowdsim.files import open_plain, sync_disk, sync_folder, write_plain
 
 NAME = "checkpoint.bin"
 FORMAT = "crowdsim-checkpoint"
-VERSION = 3
+VERSION = 4
 
 SHARE = 0.005
 """Share of a run's time that checkpoints may take."""

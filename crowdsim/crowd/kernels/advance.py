@@ -12,6 +12,7 @@ from crowdsim.crowd.kernels.confinement import confine, prefetch_outline
 from crowdsim.crowd.kernels.forced_actions import note_condition
 from crowdsim.crowd.kernels.interpolation import ground_at
 from crowdsim.crowd.kernels.layout import AHEAD, NO_STRIKE
+from crowdsim.crowd.kernels.positions import position_of
 from crowdsim.crowd.kernels.prefetch import prefetch, prefetch_avatar
 from crowdsim.crowd.kernels.shown_motion import is_varied, note_shown, prefetch_marks
 from crowdsim.jit import kernel
@@ -42,7 +43,7 @@ def advance(model, avatars, world, frame, first, last, due, few):
         length, before = actions[action].length, motion[i].phase
         if before > playback[i].pending:
             playback[i].pending = _next_strike(actions, model.strikes, action, before)
-        phase = before + motion[i].speed
+        phase = np.float32(np.float64(before) + motion[i].speed)
         playback[i].phase_before = min(before, length)
         motion[i].phase = phase
         playback[i].action_before = -1
@@ -115,9 +116,10 @@ def start_action(model, avatars, world, frame, i, new, phase):
     """Start an action on the ground transform of an avatar, with some frames of motion done already."""
     motion, playback = avatars.motion, avatars.playback
     actions, ground, policies = model.actions, model.ground, model.policies
-    stride, scale = policies[avatars.policy[i]].stride, playback[i].scale
+    stride, scale = policies[avatars.policy[i]].stride, np.float64(playback[i].scale)
     origin = actions[new].origin
-    x, z, heading = avatars.x[i], avatars.z[i], avatars.heading[i]
+    x, z = position_of(avatars, i)
+    heading = np.float64(avatars.heading[i])
     heading -= 2.0 * math.pi * math.floor(heading / (2.0 * math.pi) + 0.5)
     cos, sin = cos_sin(heading)
     cos, sin = cos * scale, sin * scale

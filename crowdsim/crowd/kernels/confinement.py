@@ -1,10 +1,13 @@
 """Confinement: where a body would be in an obstacle, its root slides along that."""
 
+import numpy as np
+
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.easing import minimum_jerk
 from crowdsim.crowd.kernels.bases import base_at
 from crowdsim.crowd.kernels.interpolation import ground_at
 from crowdsim.crowd.kernels.layout import LIMB_ROOM, PELVIS, TRUNK_ROOM
+from crowdsim.crowd.kernels.positions import position_of
 from crowdsim.crowd.kernels.prefetch import prefetch
 from crowdsim.jit import kernel
 from crowdsim.places.kernels.distance import cell_at, part_gap, stands, way_gap
@@ -15,6 +18,7 @@ AHEAD = 6  # how far ahead in its action an avatar looks whether it is going to 
 LATE, BLENDS = 0.2, 3.0  # how far fists may be in as an action begins [m], and for how long, as it blends with the last
 LAST_FIST = PELVIS + 2
 NEAR = 1.6  # how near obstacles are that a body may reach until then, for a scale of 1 [m]
+ROUNDING = 1e-5  # errors of phases in single precision add up to less in ``AHEAD`` frames [control frames]
 ROOT_PASSES = 12  # how often at most they are then once more, for the ground transform alone
 
 
@@ -25,7 +29,7 @@ def confine(model, avatars, world, frame, i):
     What its action is going to lack is made up in equal steps until then.
     """
     places, size = world.places, avatars.playback[i].scale
-    cell = cell_at(places.grid, avatars.x[i], avatars.z[i])
+    cell = cell_at(places.grid, *position_of(avatars, i))
     if cell >= 0 and places.clear[cell] < NEAR * size:
         _confine(model, avatars, places, frame, i)
 
@@ -33,7 +37,7 @@ def confine(model, avatars, world, frame, i):
 @kernel(allocates=False)
 def _confine(model, avatars, places, frame, i):
     """Move an avatar near obstacles, see ``confine``; what was found to be free a frame ago is not looked at again."""
-    phase, speed = avatars.motion[i].phase, avatars.motion[i].speed
+    phase, speed = np.float64(avatars.motion[i].phase), np.float64(avatars.motion[i].speed)
     if phase > avatars.free[i]:
         _move(avatars, i, _find_push(model, avatars, places, frame, i, 0))
     most, step_x, step_z = 0.0, 0.0, 0.0
@@ -52,7 +56,7 @@ def _confine(model, avatars, places, frame, i):
         # A step beside one obstacle may lead into another.
         _move(avatars, i, _find_push(model, avatars, places, frame, i, 0))
     else:
-        avatars.free[i] = phase + AHEAD * speed + 1e-9
+        avatars.free[i] = phase + AHEAD * speed + ROUNDING
         prefetch_outline(model, avatars, i, avatars.motion[i].action, phase + (AHEAD + 1) * speed)
 
 
@@ -77,10 +81,11 @@ def _length(model, avatars, i):
 def _find_push(model, avatars, places, frame, i, ahead):
     """Return how far an avatar must go so that its body is in no obstacle, some control frames on in its action."""
     motion, playback, slides = avatars.motion, avatars.playback, avatars.slides
-    length, size, push = _length(model, avatars, i), playback[i].scale, (0.0, 0.0)
+    length, size, push = _length(model, avatars, i), np.float64(playback[i].scale), (0.0, 0.0)
     done = min(motion[i].phase + ahead * motion[i].speed, length)
     shown = model.actions[motion[i].action].origin + done * model.policies[avatars.policy[i]].stride
-    x, z, heading = avatars.x[i], avatars.z[i], avatars.heading[i]
+    x, z = position_of(avatars, i)
+    heading = np.float64(avatars.heading[i])
     if ahead > 0:
         gx, gz, turned = ground_at(model.ground, shown)
         base_x, base_z, cos, sin = base_at(model, avatars, i)

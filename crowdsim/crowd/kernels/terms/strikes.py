@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.bodies import lands_on_posed_body
 from crowdsim.core.mathematics import atan2
@@ -9,6 +11,7 @@ from crowdsim.crowd.kernels.hidden import is_hidden
 from crowdsim.crowd.kernels.intents import is_resting
 from crowdsim.crowd.kernels.layout import FIGHTS, FLEES, FORESEEN
 from crowdsim.crowd.kernels.outcomes import ball_at
+from crowdsim.crowd.kernels.positions import position_of, way_between
 from crowdsim.crowd.kernels.vetoes.strike_at_air import strikes_air
 from crowdsim.jit import kernel
 
@@ -64,10 +67,9 @@ def _is_behind_obstacle(avatars, world, now, own):
     if opponent < 0 or world.places.parts.shape[0] == 0 or avatars.slot_of[opponent] >= now.present:
         return False
     j = avatars.slot_of[opponent]
-    dx, dz = avatars.x[j] - avatars.x[own], avatars.z[j] - avatars.z[own]
-    return dx * dx + dz * dz < STRUCK_AT * STRUCK_AT and is_hidden(
-        avatars, world, now.frame, own, avatars.x[j], avatars.z[j]
-    )
+    dx, dz = way_between(avatars, own, j)
+    is_near = dx * dx + dz * dz < STRUCK_AT * STRUCK_AT
+    return is_near and is_hidden(avatars, world, now.frame, own, *position_of(avatars, j))
 
 
 @kernel(inline=True)
@@ -88,7 +90,7 @@ def _is_unseen(avatars, now, own):
     j = avatars.slot_of[opponent]
     if j >= now.present or (avatars.conditions.shape[0] > 0 and avatars.conditions[opponent].does == FLEES):
         return False
-    dx, dz = avatars.x[own] - avatars.x[j], avatars.z[own] - avatars.z[j]
+    dx, dz = way_between(avatars, j, own)
     far = math.sqrt(dx * dx + dz * dz)
     cos, sin = cos_sin(avatars.heading[j])
     return far < NEAR and dx * sin + dz * cos < AWAY * far
@@ -100,8 +102,10 @@ def _aim_at_ball(model, avatars, world, now, own, values):
 
     An action without strikes is worth ``SET_UP`` of that where a strike that may follow it will land.
     """
-    actions, state, size = model.actions, model.actions[avatars.motion[own].action].next, avatars.playback[own].scale
-    start = avatars.x[own], avatars.z[own], avatars.heading[own]
+    actions, state = model.actions, model.actions[avatars.motion[own].action].next
+    size = np.float64(avatars.playback[own].scale)
+    x, z = position_of(avatars, own)
+    start = x, z, np.float64(avatars.heading[own])
     ball = world.targets[now.moment, -2 - avatars.fight[own].next_opponent]
     near = (ball[0] - start[0]) ** 2 + (ball[2] - start[1]) ** 2 <= AIMED * AIMED * size * size
     for k in range(model.offsets[state + 1] - model.offsets[state]):
@@ -129,7 +133,8 @@ def _lands_on_ball(model, avatars, world, now, own, action, start, frames):
 
     The action starts at a position and heading in some frames of motion.
     """
-    first, size, target = model.actions[action].strikes, avatars.playback[own].scale, avatars.fight[own].next_opponent
+    first, target = model.actions[action].strikes, avatars.fight[own].next_opponent
+    size = np.float64(avatars.playback[own].scale)
     if first == model.actions[action + 1].strikes:
         return False
     strike = model.strikes[first]
