@@ -83,11 +83,15 @@ class Window:
             np.rint(left[cut] * motion.frames.stride) / motion.frames.stride, phase[:-1][cut]
         )
         self._cut = np.concatenate([np.zeros((1, len(avatars)), bool), cut])
+        # An action that is over in the control frame in which it starts began as the one before ended.
+        moved, over = phase.copy(), fresh[1:] & present[1:] & present[:-1] & ~cut & (phase[1:] >= lengths[1:])
+        moved[1:][over] = np.clip(phase[:-1] + speeds - lengths[:-1], phase[1:], speeds)[over]
         self.rows = Rows(
             present=present,
             origins=motion.origins[np.maximum(action, 0)],
             lengths=lengths,
             phase=phase,
+            moved=moved,
             shifts=motion.shifts[np.maximum(action, 0)],
             ground=np.stack([read(take.x), read(take.z), read(take.heading)], axis=-1).astype(np.float64),
             fresh=fresh,
@@ -144,7 +148,7 @@ class Window:
         transitions = Transitions(
             starts=np.searchsorted(owner, np.arange(len(self.avatars) + 1)),
             owners=owner,
-            times=(rows.first + row - rows.phase[row, owner] / rows.speeds[owner]) / rows.rate,
+            times=(rows.first + row - rows.moved[row, owner] / rows.speeds[owner]) / rows.rate,
             before=before,
             after=after,
             spans=np.where(

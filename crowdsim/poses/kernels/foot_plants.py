@@ -38,7 +38,7 @@ def _follow_foot(rows, motion, n, foot, spans):
             standing = False
             continue
         starts = rows.fresh[r + 1, n] and rows.present[r + 1, n]
-        began = 1.0 - rows.phase[r + 1, n] / speed if starts else 1.0
+        began = 1.0 - rows.moved[r + 1, n] / speed if starts else 1.0
         if starts:
             last = (rows.first + r + began) / rows.rate
         for later in range(2 if starts else 1):

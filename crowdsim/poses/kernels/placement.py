@@ -77,7 +77,7 @@ def place_at(rows, motion, time, n):
         part = 0.0
     speed, scale, stride = rows.speeds[n], rows.scales[n], motion.stride
     starts = after > before and rows.fresh[after, n] and rows.present[after, n]
-    began = 1.0 - rows.phase[after, n] / speed if starts else 2.0
+    began = 1.0 - rows.moved[after, n] / speed if starts else 2.0
     old_start = rows.origins[before, n] + rows.phase[before, n] * stride
     old_end = float(rows.origins[before, n] + rows.lengths[before, n] * stride)
     new_start = float(rows.origins[after, n])

@@ -13,6 +13,7 @@ class Rows(NamedTuple):
         origins: Playback frame at which its action starts. Shape (R, n), int64.
         lengths: Length of its action [control frames]. Shape (R, n).
         phase: How much of it is done [control frames]. Shape (R, n).
+        moved: How long ago it began, which is more where it is over already [frames of motion]. Shape (R, n).
         shifts: Ground transform of its first frame when it starts, relative to the avatar's. Shape (R, n, 3).
         ground: Ground transform. Shape (R, n, 3).
         fresh: Whether its action began on the way to this row. Shape (R, n), bool.
@@ -28,6 +29,7 @@ class Rows(NamedTuple):
     origins: Array
     lengths: Array
     phase: Array
+    moved: Array
     shifts: Array
     ground: Array
     fresh: Array
