@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import naive_defence
 import numpy as np
+from naive_breaks import breaks_off, strike_after
 from naive_legs import crosses_legs
 from naive_opponents import nearest, neighbours
 from naive_policy import action_values
@@ -96,6 +97,7 @@ class Avatar:
         self.shown, self.thrown, self.thrown_until = [], -1, 0
         self.hit_by, self.hit, self.hit_frame = -1, np.zeros(2), -math.inf
         self.seen = self.seen_before = None
+        self.left_for = None
 
     @property
     def length(self):
@@ -123,7 +125,9 @@ class Avatar:
         return ground.compose(self.start, self.displacement(self.action, min(self.phase, self.length)))
 
     def end(self):
-        """Where its action ends."""
+        """Where its action ends, or the one that it has just broken off would have."""
+        if self.left_for is not None:
+            return self.left_for
         return ground.compose(self.start, self.displacement(self.action, self.length))
 
     def halt_of(self, action, start):
@@ -238,10 +242,17 @@ def run(crowd, policies, frames):
     marks = {}
     for frame in range(frames):
         for one in avatars:
-            one.decided = False
+            one.decided, one.left_for = False, None
             if frame > 0:
                 one.phase_before = min(one.phase, one.length)
                 one.phase += one.speed
+        leaving = [(one, breaks_off(one, avatars)) for one in avatars if frame > 0 and crowd.crowding.wasted]
+        for one, action in leaving:
+            if action is not None:
+                stands = one.stands()
+                one.left_for = np.array([*one.end()[:2], stands[2]])
+                one.action, one.start = action, one.before_start(action, stands)
+                one.phase, one.phase_before = one.length, max(one.length - one.speed, 0.0)
         due = [one for one in avatars if one.phase >= one.length]
         targets = target_positions(paths, frame - 1, 2 + FORESEEN, policies[0].database.control_rate)
         chosen = [decide(one, avatars, crowd, targets, frame, marks) for one in due]
@@ -264,7 +275,7 @@ def run(crowd, policies, frames):
             one.action, one.decided = action, True
             one.opponent_before, one.opponent = one.opponent, opponent
             one.decisions += 1
-        now = [strike for one in avatars for strike in thrown(one, avatars, frame, targets)]
+        now = [strike for one in avatars if one.left_for is None for strike in thrown(one, avatars, frame, targets)]
         note_hits(now, avatars, frame)
         strikes += now
         for one in avatars:
@@ -374,7 +385,7 @@ def decide(one, avatars, crowd, targets, frame, marks):
         worth -= crowd.crowding.unseen * (close and facing(its, mine) < AWAY)
     values = values + worth * counts
     if opponent >= 0 and not rests and math.hypot(seen[0], seen[2]) > REACHED:
-        short = [counts[k] > 0 and strikes_air(one, avatars[opponent], a, mine) for k, a in enumerate(choices)]
+        short = [strikes_air(one, avatars[opponent], a, mine) for a in choices]
         values = values - SHORT * crowd.crowding.wasted * np.array(short)
     if opponent >= 0 and len(near) >= THRONG and apart and math.hypot(seen[0], seen[2]) <= FACED:
         values = values - TURNED * np.array([turned_away(one, a, seen, turned, lasts) for a in choices])
@@ -394,12 +405,7 @@ def decide(one, avatars, crowd, targets, frame, marks):
         elif apart and crosses_legs(one, choices[place], mine, [avatars[j] for j in near]):
             values[place] -= CROSSED
             place = pick(values, one, crowd)
-        elif (
-            crowd.crowding.wasted
-            and opponent >= 0
-            and counts[place]
-            and strikes_air(one, avatars[opponent], choices[place], mine)
-        ):
+        elif crowd.crowding.wasted and opponent >= 0 and strikes_air(one, avatars[opponent], choices[place], mine):
             values[place] -= crowd.crowding.wasted
             place = pick(values, one, crowd)
     if interval > 0:
@@ -454,14 +460,18 @@ def hits_ball(one, action, stands, frames, places):
 
 
 def strikes_air(one, other, action, mine):
-    """Whether the first strike of an action ends further than ``AIR`` from the way of its opponent."""
+    """Whether a strike ends further than ``AIR`` from its opponent's way: the first of an action, or one behind it."""
     actions = one.policy.actions
-    fist = actions.strike_positions[actions.strike_offsets[action]].astype(float) * one.scale
-    point = ground.to_world(mine, fist)[[0, 2]]
+    fists = [strike_after(one, action)]
+    if actions.strike_offsets[action] < actions.strike_offsets[action + 1]:
+        fists.append(actions.strike_positions[actions.strike_offsets[action]].astype(float))
     begin, end = other.stands()[:2], other.end()[:2]
     way = end - begin
-    share = np.clip((point - begin) @ way / max(way @ way, 1e-12), 0.0, 1.0)
-    return np.linalg.norm(point - begin - share * way) > AIR
+    for point in (ground.to_world(mine, fist * one.scale)[[0, 2]] for fist in fists if fist is not None):
+        share = np.clip((point - begin) @ way / max(way @ way, 1e-12), 0.0, 1.0)
+        if np.linalg.norm(point - begin - share * way) > AIR:
+            return True
+    return False
 
 
 def turned_away(one, action, seen, moving, lasts):

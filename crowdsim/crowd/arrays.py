@@ -53,6 +53,10 @@ class Model(NamedTuple):
             behaviours), float32.
         paths: Where each action leads.
         strikes: The strikes in actions. Shape (K,), ``REACH``.
+        breaks: For each strike an action that ends in the state from which an avatar goes on that breaks it off, -1
+            where it cannot. Shape (K,), int32.
+        leaves: Likewise for each action that a strike has to follow, -1 of others. Shape (A,), int32.
+        bound: For each state a strike that its actions begin with, all or most, -1 for none. Shape (S,), int32.
         earnings: What each strike earns where it lands, and costs where it is wasted, by each strike term of the
             policy. Shape (K, two for each term), float32.
         behaviours: As in ``policy.LookupTables``, places moved. Shape (B,), ``policy.records.BEHAVIOUR``.
@@ -106,6 +110,9 @@ class Model(NamedTuple):
     prices: Array
     paths: Paths
     strikes: Array
+    breaks: Array
+    leaves: Array
+    bound: Array
     earnings: Array
     behaviours: Array
     discounts: Array

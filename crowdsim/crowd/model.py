@@ -23,6 +23,7 @@ from crowdsim.crowd.kernels.records import (
     records,
 )
 from crowdsim.crowd.model_arms import arm_radii, arm_rows, way_rows
+from crowdsim.crowd.model_breaks import break_rows
 from crowdsim.crowd.model_falls import fall_rows
 from crowdsim.crowd.model_guard import unguarded_rows
 from crowdsim.crowd.model_legs import leg_rows
@@ -112,6 +113,7 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False, with_out
             *padded([paths[:, 0], paths[:, 1], np.cos(paths[:, 2]), np.sin(paths[:, 2]), path_frames(actions)])
         ),
         strikes=strikes,
+        **break_rows(policies, starts),
         earnings=earnings,
         behaviours=behaviours,
         discounts=discount_rows(behaviours["discount"], int(max(action.lengths.max() for action in actions))),

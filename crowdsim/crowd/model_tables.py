@@ -10,6 +10,7 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.records import GRID_AXIS, MOVE, REACH, records
+from crowdsim.crowd.model_breaks import bound_strikes
 from crowdsim.motion import ground
 from crowdsim.policy.axes.registry import AXES
 from crowdsim.policy.rewards import StrikeTerm
@@ -97,9 +98,12 @@ def action_starts(policy: Policy) -> Array:
 
 
 def _before_first_strike(actions: Actions) -> Array:
-    found = np.full(actions.action_count, layout.NO_STRIKE)
+    found, follows = np.full(actions.action_count, layout.NO_STRIKE), bound_strikes(actions)[actions.next]
+    before = np.ceil(actions.strike_times.astype(np.float32)).astype(int) - 1
+    bound = np.flatnonzero(follows >= 0)
+    found[bound] = actions.lengths[bound] + before[follows[bound]]
     owners = np.repeat(np.arange(actions.action_count), np.diff(actions.strike_offsets))
-    np.minimum.at(found, owners, np.ceil(actions.strike_times.astype(np.float32)).astype(int) - 1)
+    np.minimum.at(found, owners, before)
     return found
 
 

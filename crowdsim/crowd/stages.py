@@ -11,6 +11,7 @@ from crowdsim.crowd.arrays import Avatars, Model, Record, World
 from crowdsim.crowd.buffers import Scratch, empty_scratch, empty_strikes
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.kernels.advance import advance, switch
+from crowdsim.crowd.kernels.breaking_off import break_off
 from crowdsim.crowd.kernels.decide import decide
 from crowdsim.crowd.kernels.knock_downs import empty_room, knock_down
 from crowdsim.crowd.kernels.layout import ENTERED, Now, Observed
@@ -108,20 +109,28 @@ class Stages:
         return due
 
     def _advance(self, world: World, now: Now) -> Array:
-        """Move everyone by one frame; return the slots of those whose action has ended."""
+        """Move everyone by one frame; return the slots of those whose action has ended, or who break theirs off."""
         found: dict[int, Array] = {}
+        looking: dict[int, Array] = {}
         lost: list[int] = []
 
         def move(first: int, last: int) -> None:
             due = np.empty(last - first, np.int32)
-            held = advance(self._model, self._avatars, world, now.frame, first, last, due, False)
+            held, count = advance(self._model, self._avatars, world, now.frame, first, last, due, False)
             if held < 0:
                 lost.append(-1 - held)
-            found[first] = due[: max(held, 0)].copy()
+            found[first], looking[first] = due[: max(held, 0)].copy(), due[len(due) - count :].copy()
 
         self._workers.each(move, now.present)
         if lost:
             raise lost_avatar(self._avatars, min(lost), now.frame)
+        some = np.concatenate([looking[first] for first in sorted(looking)])
+
+        def leave(first: int, last: int) -> None:
+            held = break_off(self._model, self._avatars, world, now, some[first:last], some[first:last], 0)
+            found[now.present + first] = some[first : first + held]
+
+        self._workers.each(leave, len(some), grain=_DECISIONS)
         return np.concatenate([found[first] for first in sorted(found)])
 
     def _decide(self, world: World, now: Now, due: Array, chosen: Array) -> float:

@@ -76,7 +76,7 @@ class Window:
         # An action that starts again need not be another one; otherwise its phase advances by the speed.
         fresh[1:] = (action[1:] != action[:-1]) | (phase[1:] < phase[:-1] + 0.5 * speeds)
         present = action >= 0
-        # An action that a blow interrupts ends earlier than it was captured, at a whole playback frame.
+        # An action that a blow interrupts, or that is broken off, ends earlier than it was captured.
         left = phase[:-1] + speeds - phase[1:]
         cut = fresh[1:] & present[1:] & present[:-1] & (left < lengths[:-1] - 0.5 / motion.frames.stride)
         lengths[:-1][cut] = np.maximum(

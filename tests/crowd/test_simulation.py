@@ -9,7 +9,7 @@ from avatar_fields import set_situations
 from naive_policy import action_values
 from synthetic_policy import policy, with_axes
 
-from crowdsim.crowd import buffers, simulation
+from crowdsim.crowd import buffers, model_breaks, simulation
 from crowdsim.crowd.buffers import empty_record, empty_scratch
 from crowdsim.crowd.crowd import Crowding, build_crowd
 from crowdsim.crowd.draw import draw_crowd
@@ -114,6 +114,25 @@ def test_a_run_with_policies_that_see_more_is_that_of_the_naive_twin(fields, tar
     compare_with_twin(people, seeing)
     assert not np.array_equal(*(whole(simulate(replace(people, policies=tuple(all_of)), 60))[0]["action"]
                                 for all_of in (seeing, POLICIES)))  # fmt: skip
+
+
+def test_a_run_in_which_strikes_are_broken_off_is_that_of_the_naive_twin(monkeypatch):
+    monkeypatch.setattr(model_breaks, "ALIKE", 1.0)
+    people, seeing = crowd(variety=0.0, spacing=1.3), (policy(2, "v", frames=120), policy(3, "q", frames=120, stride=2))
+    compare_with_twin(people, seeing)
+    assert broken_off(people, seeing) > 2
+
+
+def broken_off(people, policies):
+    """How many actions with a strike that is still to come end before their time in 60 control frames."""
+    record, _ = whole(simulate(replace(people, policies=policies), 60))
+    found = 0
+    for i in range(people.count):
+        actions, speed = policies[people.cast.policies[i]].actions, people.cast.speeds[i]
+        for action, done, after in zip(record["action"][:-1, i], record["action_frame"][:-1, i],
+                                       record["action_frame"][1:, i], strict=True):  # fmt: skip
+            found += after < done and done + speed < actions.lengths[action] - 1e-4
+    return found
 
 
 def compare_with_twin(people, policies):

@@ -140,6 +140,7 @@ class CudaStages:
             work = self._work = work._replace(due=work.fresh, fresh=work.due)
         else:
             self._launch("advance_avatar", now.present)
+            self._launch("break_off_avatar", now.present)
             self._launch("hold_avatar", len(fresh))
         deciding = int(self._counters(now)[DUE])
         clock.lap()

@@ -13,6 +13,7 @@ from numba import cuda
 
 from crowdsim.crowd.buffers import Scratch
 from crowdsim.crowd.kernels.advance import advance, switch
+from crowdsim.crowd.kernels.breaking_off import break_off, looks_again
 from crowdsim.crowd.kernels.choose import choose
 from crowdsim.crowd.kernels.evaluate import evaluate
 from crowdsim.crowd.kernels.kd_queries import observe_alone
@@ -137,10 +138,21 @@ def advance_avatar(work):
     """Move an avatar by one frame, and list it where its action has ended."""
     i = cuda.grid(1)
     if i < work.now.present:
-        held = advance(work.model, work.avatars, work.world, work.now.frame, i, i + 1, work.spare[i:], False)
+        held, _ = advance(work.model, work.avatars, work.world, work.now.frame, i, i + 1, work.spare[i:], False)
         if held < 0:
             cuda.atomic.max(work.counters, LOST, i + 1)
         elif held > 0:
+            work.due[cuda.atomic.add(work.counters, DUE, 1)] = i
+
+
+def break_off_avatar(work):
+    """Let an avatar break off its next strike, if it should, and list it."""
+    i = cuda.grid(1)
+    length = work.model.actions[work.avatars.motion[i]["action"]]["length"] if i < work.now.present else 0
+    if i < work.now.present and looks_again(work.avatars, i, length):
+        own = work.spare[i : i + 1]
+        own[0] = i
+        if break_off(work.model, work.avatars, work.world, work.now, own, own, 0) > 0:
             work.due[cuda.atomic.add(work.counters, DUE, 1)] = i
 
 
@@ -270,6 +282,7 @@ def record_avatar(work):
 
 
 THREADS = (
-    *(renew_mark, advance_avatar, hold_avatar, fit_leaf, fit_inner_nodes, find_neighbours, observe_avatar),
-    *(evaluate_actions, choose_action, start_action, throw_strikes, link_hit, note_hits_of_avatar, record_avatar),
+    *(renew_mark, advance_avatar, break_off_avatar, hold_avatar, fit_leaf, fit_inner_nodes, find_neighbours),
+    *(observe_avatar, evaluate_actions, choose_action, start_action),
+    *(throw_strikes, link_hit, note_hits_of_avatar, record_avatar),
 )

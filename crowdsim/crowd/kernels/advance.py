@@ -7,6 +7,7 @@ import numpy as np
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.easing import minimum_jerk
 from crowdsim.crowd.kernels.bases import base_at, base_of
+from crowdsim.crowd.kernels.breaking_off import looks_again
 from crowdsim.crowd.kernels.confinement import AHEAD as LOOKS_AHEAD
 from crowdsim.crowd.kernels.confinement import confine, prefetch_outline
 from crowdsim.crowd.kernels.forced_actions import note_condition
@@ -18,12 +19,16 @@ from crowdsim.jit import kernel
 
 
 @kernel(inline=True)
-def _next_strike(actions, strikes, action, phase):
-    """Return the last whole frame before the next strike of an action, or ``NO_STRIKE``."""
+def _next_strike(model, action, phase):
+    """Return the last whole frame before the next strike of an action, or behind it; or ``NO_STRIKE``."""
+    actions, strikes = model.actions, model.strikes
     found = NO_STRIKE
     for k in range(actions[action].strikes, actions[action + 1].strikes):
         if strikes[k].time > phase:
             found = min(found, np.int64(math.ceil(strikes[k].time)) - 1)
+    follows = model.bound[actions[action].next] if found == NO_STRIKE else -1
+    if follows >= 0:
+        found = actions[action].length + np.int64(math.ceil(strikes[follows].time)) - 1
     return found
 
 
@@ -31,17 +36,18 @@ def _next_strike(actions, strikes, action, phase):
 def advance(model, avatars, world, frame, first, last, due, few):
     """Move avatars ``first`` to ``last`` by one frame; list in ``due`` those whose action has ended.
 
-    Where they are ``few``, what the next frame will read is prefetched. Returns how many are listed, or -1 - i
-    where the position of avatar i is not a number.
+    At its end those are listed that may break off their next strike. Where they are ``few``, what the next frame will
+    read is prefetched. Returns how many are listed as either; the former are -1 - i where the position of avatar i is
+    not a number.
     """
     motion, playback = avatars.motion, avatars.playback
     actions, ground, policies = model.actions, model.ground, model.policies
-    held, confined = 0, world.places.parts.shape[0] > 0
+    held, looking, confined = 0, 0, world.places.parts.shape[0] > 0
     for i in range(first, last):
         action = motion[i].action
         length, before = actions[action].length, motion[i].phase
         if before > playback[i].pending:
-            playback[i].pending = _next_strike(actions, model.strikes, action, before)
+            playback[i].pending = _next_strike(model, action, before)
         phase = before + motion[i].speed
         playback[i].phase_before = min(before, length)
         motion[i].phase = phase
@@ -58,12 +64,14 @@ def advance(model, avatars, world, frame, first, last, due, few):
         heading = playback[i].base_turn + turned
         avatars.x[i], avatars.z[i], avatars.heading[i] = x, z, heading
         if not math.isfinite(x + z + heading):
-            return -1 - i
+            return -1 - i, 0
         if confined:
             confine(model, avatars, world, frame, i)
         due[held] = i
         held += phase >= length
-    return held
+        due[last - first - 1 - looking] = i
+        looking += looks_again(avatars, i, length)
+    return held, looking
 
 
 @kernel(inline=True)

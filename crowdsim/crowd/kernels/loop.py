@@ -3,6 +3,7 @@
 import numpy as np
 
 from crowdsim.crowd.kernels.advance import advance, switch
+from crowdsim.crowd.kernels.breaking_off import break_off
 from crowdsim.crowd.kernels.clock import note_time
 from crowdsim.crowd.kernels.decide import decide
 from crowdsim.crowd.kernels.kd_tree import everyone
@@ -85,12 +86,15 @@ def _stagger(model, avatars, world, now, strikes, first, last, due, distances, h
 
 @kernel(inline=True)
 def _find_due(model, avatars, world, now, due, still, fresh):
-    """Move avatars by one frame and list those whose action has ended; where all stand ``still``, list ``fresh``."""
+    """Move avatars by one frame and list those that decide; where all stand ``still``, list ``fresh``."""
     if still:
         for i in range(fresh.shape[0]):
             due[i] = fresh[i]
         return fresh.shape[0]
-    return advance(model, avatars, world, now.frame, 0, now.present, due, True)
+    held, looking = advance(model, avatars, world, now.frame, 0, now.present, due, True)
+    if held < 0 or looking == 0:
+        return held
+    return break_off(model, avatars, world, now, due[now.present - looking : now.present], due, held)
 
 
 @kernel(inline=True)

@@ -55,7 +55,8 @@ PLAYBACK = np.dtype([
     scale: Size of the body.
     action_before: The action one control frame ago, negative where there was no decision in this frame.
     cohort: Row of ``World.cohorts``.
-    pending: The last whole frame of the action before its next strike, -1 where the action before may still have one.
+    pending: The last whole frame of the action before its next strike, -1 where the action before may still have one;
+        beyond the action's end before a strike that has to follow it.
 """
 
 FIGHT = np.dtype([
@@ -149,7 +150,7 @@ and victim, limb, outcome, and whether it has knocked its victim down."""
 ACTION = np.dtype(_fields(_I4, "next", "length", "origin", "paths", "strikes", "first_strike"))
 """An action: the state in which it ends, its length [control frames], the playback frame that lies on the avatar when
 it starts, its first row in ``Model.paths`` and in ``Model.strikes``, which the last record closes; and the last whole
-frame before its first strike."""
+frame before its first strike, as in ``PLAYBACK``."""
 
 MOVE = np.dtype(_fields(_F4, "x", "z", "cos", "sin", "cost"))
 """Where an action ends, seen from its start: position [m], cosine and sine of the turn; and the cost of the transition
