@@ -3,8 +3,8 @@
     python benchmarks/view.py [--json] [--quick]
 
 ``brawl_30`` whole at 60 frames a second, and runs of it with 1,000 and 10,000 boxers at the same density. ``seconds``
-is what a page costs beyond posing, which is done alone before (``posing_seconds``). ``error_millimetres`` is the
-greatest distance of a joint from where the poses have it.
+is what a page costs beyond posing, which is done alone before (``posing_seconds``), where no skins are kept from pages
+before it. ``error_millimetres`` is the greatest distance of a joint from where the poses have it.
 
 Pages are shown by Chromium without a window at 1280 x 720, with graphics drawn in software (SwiftShader) on the
 processors that all else shares: a machine with graphics hardware is many times faster. ``first_picture_seconds`` is
@@ -33,12 +33,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import psutil
 from _chromium import JOINTS, Browser, find
 from _quick import small_policies
 
+from crowdsim.body import skin
 from crowdsim.crowd.profiling import with_avatars
 from crowdsim.preparation.prepare import load_policies
 from crowdsim.runs.playing import Session
@@ -85,6 +87,14 @@ def write(recording: Recording, path: Path) -> float:
         for part in page_parts(recording, THREADS):
             file.write(part)
     return time.perf_counter() - started
+
+
+@contextmanager
+def no_skins() -> Iterator[None]:
+    """Let no skin be kept, in memory or in the user's cache."""
+    skin._skins.clear()
+    with tempfile.TemporaryDirectory() as folder, mock.patch.dict(os.environ, XDG_CACHE_HOME=folder):
+        yield
 
 
 def joint_error(browser: Browser, recorded: RecordedRun, fps: float) -> float:
@@ -216,9 +226,10 @@ def measure(quick: bool) -> dict[str, Any]:
             recording.motion.poses(0, min(8, recording.motion.frames))
             spent = posing(recording)
             row: dict[str, Any] = {"posing_seconds": spent}
-            started = time.perf_counter()
-            recording = recorded.recording(fps=fps, threads=THREADS)
-            row["seconds"] = max(0.0, time.perf_counter() - started + write(recording, page) - spent)
+            with no_skins():
+                started = time.perf_counter()
+                recording = recorded.recording(fps=fps, threads=THREADS)
+                row["seconds"] = max(0.0, time.perf_counter() - started + write(recording, page) - spent)
             row["megabytes"] = page.stat().st_size / 1e6
             row |= dict.fromkeys(("first_picture_seconds", "frame_milliseconds", "error_millimetres"))
             if has_browser:
