@@ -1,12 +1,14 @@
-"""Finds scenarios and policies: a given path, then the working folder, then what ships with the package.
+"""What ships with the package: scenarios and policies, found by path or name, and its code.
 
-In a wheel the shipped ones are the packages ``crowdsim.scenarios`` and ``crowdsim.policies``; in a checkout they are
-the folders ``scenarios/`` and ``policies/`` beside the package.
+A name is looked up in the working folder first. In a wheel the shipped ones are the packages ``crowdsim.scenarios`` and
+``crowdsim.policies``; in a checkout they are the folders ``scenarios/`` and ``policies/`` beside the package.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
+from functools import cache
 from pathlib import Path
 
 from crowdsim.core.types import FileName
@@ -112,6 +114,18 @@ def find_bundle(name: FileName) -> Path:
     if path.is_dir():
         raise PolicyError(f"{path}: is no trained policy, expected a folder with policy.json")
     raise PolicyError(f"{name}: no such policy{_choices(path.stem, 'policies', policy_names())}")
+
+
+@cache
+def sources_hash(folders: tuple[str, ...]) -> str:
+    """Return the fingerprint of the code in some folders of the package, as this process has found it."""
+    package = Path(__file__).resolve().parent
+    digest = hashlib.sha256()
+    for name in folders:
+        for path in sorted((package / name).rglob("*.py")):
+            digest.update(f"{path.relative_to(package).as_posix()}\n".encode())
+            digest.update(path.read_bytes().replace(b"\r\n", b"\n"))
+    return digest.hexdigest()
 
 
 def _trained(recipe: Path) -> Path:

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import scipy
 
+from crowdsim.assets import sources_hash
 from crowdsim.jit.environment import cache_folder
-from crowdsim.jit.store import DamageError, discard, read_kernel, write_kernel
+from crowdsim.jit.store import DamageError, discard, read_entry, write_entry
 from crowdsim.machine import describe_machine
-from crowdsim.training.fingerprint import sources_hash
 
 _MOST = 128
 """Skins that are kept; each takes about 0.4 MB."""
@@ -42,13 +42,13 @@ def kept_arrays(key: bytes, build: Callable[[], dict[str, Any]]) -> dict[str, An
     if folder is None:
         return build()
     path = folder / f"{hashlib.sha256(_origin() + key).hexdigest()}.npz"
-    with suppress(OSError, DamageError), np.load(io.BytesIO(read_kernel(path))) as stored:
+    with suppress(OSError, DamageError), np.load(io.BytesIO(read_entry(path))) as stored:
         return dict(stored)
     arrays, data = build(), io.BytesIO()
     np.savez(data, **arrays)
     # A full disk is no reason to fail.
     with suppress(OSError):
-        write_kernel(path, data.getvalue())
+        write_entry(path, data.getvalue())
         _forget(folder)
     return arrays
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import uuid
+from abc import abstractmethod
 from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -42,20 +43,20 @@ class AvatarFiles(PosedOutput):
 
     reads_joints: ClassVar[bool] = False
 
+    @abstractmethod
     def begin(self, sampler: PoseSampler, avatar: int, path: Path, frames: int) -> Writer:
         """Begin the file of an avatar, of which so many output frames will be appended."""
-        raise NotImplementedError
 
+    @abstractmethod
     def append(self, writer: Writer, block: Block, policy: int, column: int, rows: Array) -> None:
         """Append rows (R,) of a column of one policy's poses to a file; there may be none.
 
         Rows in which the avatar is absent are left out, unless the output ``covers_absence``.
         """
-        raise NotImplementedError
 
+    @abstractmethod
     def pose_bytes(self) -> float:
         """Return about how much room an avatar takes at a time [bytes]."""
-        raise NotImplementedError
 
     @property
     def covers_absence(self) -> bool:

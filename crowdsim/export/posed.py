@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -88,14 +89,15 @@ class PosedOutput(Ranged):
     )
 
     @classmethod
+    @abstractmethod
     def posed_pattern(cls) -> str:
         """Return the regular expression of the names of its files that are written from poses."""
-        raise NotImplementedError
 
+    @abstractmethod
     def posed_files(self, extent: Extent, names: Sequence[str]) -> Iterator[str | Series]:
         """Yield the names of its files that are written from poses, as ``files`` does; there is at least one frame."""
-        raise NotImplementedError
 
+    @abstractmethod
     def sink(self, sampler: PoseSampler, folder: Path, missing: Collection[str] | None = None) -> Sink:
         """Return what writes files from the poses of a take into the folder of its name.
 
@@ -104,7 +106,6 @@ class PosedOutput(Ranged):
             folder: The folder.
             missing: Names of the files, as ``posed_files`` gives them; all when None.
         """
-        raise NotImplementedError
 
     def file_of(self, avatar: str) -> str:
         """Return the file in its folder that holds an avatar of a name; nothing where each file holds all avatars."""

@@ -22,7 +22,7 @@ from numba.core.serialize import dumps
 from crowdsim.jit.compilers import pack_part, unpack_part
 from crowdsim.jit.folders import Folder, tidy
 from crowdsim.jit.signatures import digest, encode
-from crowdsim.jit.store import DamageError, discard, read_kernel, report, write_kernel
+from crowdsim.jit.store import DamageError, discard, read_entry, report, write_entry
 
 PATIENCE = 300.0
 """How long to wait for another process that compiles a kernel [s], which may have been stopped."""
@@ -102,7 +102,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
             return None
         path = self.path(signature, context.codegen())
         try:
-            data = read_kernel(path)
+            data = read_entry(path)
         except FileNotFoundError:
             return None
         except (OSError, DamageError) as error:
@@ -122,7 +122,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
             return
         try:
             self._impl.locator.ensure_cache_path()
-            size = write_kernel(self.path(signature, result.codegen), dumps(self._impl.reduce(result)))
+            size = write_entry(self.path(signature, result.codegen), dumps(self._impl.reduce(result)))
         except OSError as error:
             report(f"compiled kernels cannot be kept in {self.cache_path}: {error}")
             return

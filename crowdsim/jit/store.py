@@ -1,4 +1,4 @@
-"""Files of compiled kernels, which are read only if they are whole, pass their checksum and are the user's own.
+"""Files of the user's cache, which are read only if they are whole, pass their checksum and are the user's own.
 
 A file begins with the checksum of its name and of what follows. A checksum finds damage, not forgery: files that other
 users may write are therefore refused as well.
@@ -26,14 +26,14 @@ _PLAIN = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
 
 
 class DamageError(Exception):
-    """A file of a compiled kernel is not as it was written, or others may have written it."""
+    """A file of the cache is not as it was written, or others may have written it."""
 
 
-def read_kernel(path: Path) -> memoryview:
+def read_entry(path: Path) -> memoryview:
     """Return what was written to a file; never waits for a pipe, and reads no more than ``MOST``.
 
     Raises:
-        DamageError: It is not what ``write_kernel`` has written under this name.
+        DamageError: It is not what ``write_entry`` has written under this name.
         OSError: It is missing, a link, or cannot be read.
     """
     number = os.open(path, os.O_RDONLY | _PLAIN | getattr(os, "O_NONBLOCK", 0))
@@ -54,7 +54,7 @@ def read_kernel(path: Path) -> memoryview:
     return data
 
 
-def write_kernel(path: Path, data: bytes) -> int:
+def write_entry(path: Path, data: bytes) -> int:
     """Write a file, which appears under its name when all of it is on disk; return its size.
 
     Raises:
@@ -62,7 +62,7 @@ def write_kernel(path: Path, data: bytes) -> int:
     """
     size = _DIGEST + len(data)
     if size > MOST:
-        raise OSError(errno.EFBIG, f"a kernel takes {size} bytes, expected at most {MOST}", os.fspath(path))
+        raise OSError(errno.EFBIG, f"a file of the cache takes {size} bytes, expected at most {MOST}", os.fspath(path))
     fresh = path.with_name(f"{path.name}.{secrets.token_hex(8)}.tmp")
     number = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _PLAIN, 0o644)
     try:
@@ -96,7 +96,7 @@ def report(problem: str) -> None:
 
 
 def _checksum(path: Path, data: bytes | memoryview) -> bytes:
-    """Return a digest of a kernel and of its name, which says what it was compiled from, for and with."""
+    """Return a digest of an entry and of its name, which says what it was made from, for and with."""
     digest = hashlib.blake2b(f"{path.parent.name}/{path.name}\n".encode(), digest_size=_DIGEST)
     digest.update(data)
     return digest.digest()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
@@ -158,16 +159,16 @@ class Block(NamedTuple):
         )
 
 
-class Reader(Layer):
+class Reader(Layer, ABC):
     """A layer that reads avatars nearby at times of its own around a pose, as the layers before it leave them.
 
     The poser has these posed along with those that are asked for.
     """
 
+    @abstractmethod
     def lacking(self, avatars: Array, times: Array) -> tuple[Array, Array]:
         """Return avatars and times, both ascending, that have to be posed before it for avatars (n,) at times (T,)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def note(self, avatars: Array, posed: Array, times: Array, blocks: list[Block]) -> None:
         """Plan for avatars (n,) from poses of others (m,) around them at times (T,), both ascending."""
-        raise NotImplementedError

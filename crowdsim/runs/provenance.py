@@ -9,7 +9,7 @@ from functools import cache
 from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
-from crowdsim import __version__
+from crowdsim import __version__, assets
 from crowdsim.machine import describe_machine
 from crowdsim.runs.manifest import checksum
 
@@ -67,9 +67,7 @@ def _version(package: str) -> str:
 @cache
 def sources_hash() -> str:
     """Return the checksum of the code that decides what a run writes."""
-    from crowdsim.training import fingerprint
-
-    return fingerprint.sources_hash(_SOURCES)
+    return assets.sources_hash(_SOURCES)
 
 
 def scenario_difference(before: str, now: str) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Annotated, Any, ClassVar
 
@@ -92,6 +93,7 @@ class Camera(StrictModel):
         """Angle between the upper and lower edge of the picture [rad]."""
         return math.radians(FIELD) if self.lens is None else self.lens.field
 
+    @abstractmethod
     def plan(self, footage: Any) -> Callable[[float], Any]:
         """Return the view at each frame, frames between them too.
 
@@ -99,7 +101,6 @@ class Camera(StrictModel):
             footage: What is filmed, a ``render.camera.Footage``. The plan is made from all of it, so that any range of
                 frames shows what the whole shows.
         """
-        raise NotImplementedError
 
     def avatars_named(self) -> Iterator[tuple[tuple[str | int, ...], int | str]]:
         """Yield the key of each avatar that the camera names, and its number or name."""

@@ -7,9 +7,9 @@ import hashlib
 import os
 import shlex
 from collections.abc import Mapping, Sequence
-from functools import cache
 from pathlib import Path
 
+from crowdsim.assets import sources_hash
 from crowdsim.bvh.people import split_person
 from crowdsim.core.types import FileName
 from crowdsim.errors import PolicyError, nearest
@@ -105,18 +105,6 @@ def fingerprints_of(recipe: Recipe, files: Sequence[Path] | None) -> dict[str, s
 def combine(prints: Mapping[str, str]) -> str:
     """Return one fingerprint for all."""
     return _hash(canonical(dict(prints)))
-
-
-@cache
-def sources_hash(folders: tuple[str, ...] = SOURCES) -> str:
-    """Return the fingerprint of the code in some folders of the package, as this process has found it."""
-    package = Path(__file__).resolve().parent.parent
-    digest = hashlib.sha256()
-    for name in folders:
-        for path in sorted((package / name).rglob("*.py")):
-            digest.update(f"{path.relative_to(package).as_posix()}\n".encode())
-            digest.update(path.read_bytes().replace(b"\r\n", b"\n"))
-    return digest.hexdigest()
 
 
 def _hash(text: str) -> str:

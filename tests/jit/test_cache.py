@@ -140,9 +140,9 @@ DAMAGE = {
     "that of another kernel": take_that_of_another_kernel,
     "that of a part": take_that_of_a_part,
     "writable by others": lambda path: path.chmod(0o666),
-    "another class, checksum right": lambda path: store.write_kernel(path, pickle.dumps(Path("x"))),
-    "an unknown class, checksum right": lambda path: store.write_kernel(path, b"cnowhere\nThing\n."),
-    "no pickle, checksum right": lambda path: store.write_kernel(path, b"kernel"),
+    "another class, checksum right": lambda path: store.write_entry(path, pickle.dumps(Path("x"))),
+    "an unknown class, checksum right": lambda path: store.write_entry(path, b"cnowhere\nThing\n."),
+    "no pickle, checksum right": lambda path: store.write_entry(path, b"kernel"),
 }
 
 
@@ -215,7 +215,7 @@ def test_nothing_is_unpickled_before_the_checksum_is_right(call, base, tmp_path)
         assert call()[0] == 4
         assert not victim.exists()
     # With a checksum that is right it would be: that is why nobody else may write there.
-    store.write_kernel(path, attack)
+    store.write_entry(path, attack)
     assert call()[0] == 4
     assert victim.read_text() == "executed"
 

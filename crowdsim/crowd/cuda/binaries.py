@@ -20,7 +20,7 @@ from crowdsim.crowd.cuda.memory import SIMULATED
 from crowdsim.crowd.cuda.threads import BLOCK, THREADS, Work
 from crowdsim.jit.cache import VERSIONS
 from crowdsim.jit.folders import Folder
-from crowdsim.jit.store import DamageError, discard, read_kernel, report, write_kernel
+from crowdsim.jit.store import DamageError, discard, read_entry, report, write_entry
 
 _loaded: dict[tuple[Any, ...], dict[str, Any]] = {}
 """The threads that this process has loaded, by their argument's type and the kind of GPU."""
@@ -128,7 +128,7 @@ class ThreadCache:
             report(problem)
             return None
         try:
-            return _Kernel._rebuild(**pickle.loads(read_kernel(path)))
+            return _Kernel._rebuild(**pickle.loads(read_entry(path)))
         except FileNotFoundError:
             return None
         except (OSError, DamageError, pickle.UnpicklingError, TypeError) as error:
@@ -143,6 +143,6 @@ class ThreadCache:
         library._llvm_strs, library._ptx_cache = [], {}
         try:
             self._folder.ensure_cache_path()
-            write_kernel(self.path(signature), dumps(compiled._reduce_states()))
+            write_entry(self.path(signature), dumps(compiled._reduce_states()))
         except OSError as error:
             report(f"compiled kernels cannot be kept in {self._folder.path}: {error}")
