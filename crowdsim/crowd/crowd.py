@@ -59,7 +59,7 @@ class Crowding:
     turn: float = 0.25
     reach: float = 1.5
     most: int = 12
-    back: float = 8.0
+    back: float = 4.0
     unseen: float = 1.5
     wasted: float = 2.0
     stunned: float = 4.0

@@ -12,8 +12,8 @@ from crowdsim.crowd.kernels.layout import BLOCKED, LANDED, STAGGERS, STUMBLES, U
 from crowdsim.crowd.kernels.travelling import travels
 from crowdsim.jit import kernel
 
-THROWS, PUSH, FURTHEST = 1.3, 0.24, 0.9  # strength from which on a hit throws, how far by its square, and at most [m]
-SPOILS, SOON = 0.85, 12.0  # strength that throws one about to strike, and how soon that one does [control frames]
+THROWS, PUSH, FURTHEST = 1.4, 0.24, 0.7  # strength from which on a hit throws, how far by its square, and at most [m]
+SPOILS, SOON = 1.1, 12.0  # strength that throws one about to strike, and how soon that one does [control frames]
 HURT = 0.5  # how far one throws an avatar at the least that is hurt so much that it staggers [m]
 AGAIN = 6.0  # for how long a further hit throws no avatar that staggers already [control frames]
 SEES, NEIGHBOURS = 3.0, 96  # how far away those are that may be in the way [m], and how many of them count
