@@ -14,7 +14,7 @@ from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.layout import Observed
 from crowdsim.crowd.kernels.records import STRIKE, THROWN
 from crowdsim.crowd.kernels.resolve import note_hits
-from crowdsim.crowd.kernels.staggers import FURTHEST, HURT, NEIGHBOURS, PUSH, SEES, SPOILS, THROWS, list_thrown, stagger
+from crowdsim.crowd.kernels.staggers import FURTHEST, NEIGHBOURS, PUSH, SEES, SPOILS, THROWS, list_thrown, stagger
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.simulation import Simulation
 
@@ -129,7 +129,22 @@ def test_an_avatar_that_is_hurt_much_staggers_at_the_blow() -> None:
     assert staggers > 3
     assert struck == staggers
     assert not (one.avatars.conditions["standing"] == layout.STAGGERS).any()
-    assert HURT > THROWS**2 * PUSH
+
+
+def test_a_weak_blow_throws_an_avatar_that_is_hurt_much_a_little() -> None:
+    one = brawl(4, rules=rules(), conditioned=True)
+    one.run(3)
+    slot, strikes, out = int(one.avatars.slot_of[1]), np.zeros(1, STRIKE), np.zeros(1, THROWN)
+    strikes["attacker"], strikes["victim"], strikes["outcome"] = 0, 1, layout.LANDED
+    one.avatars.playback["pending"][slot] = layout.NO_STRIKE
+    fight, now = one.avatars.fight, one._now._replace(frame=one.frame)
+    fight["hit_by"][slot], fight["hit_frame"][slot] = 0, one.frame
+    fight["hit_x"][slot], fight["hit_z"][slot] = 0.5 * THROWS, 0.0
+    assert list_thrown(one.model, one.avatars, one._world, now, strikes, 0, 1, out) == 0
+    one.avatars.conditions["standing"][1] = layout.STAGGERS
+    assert list_thrown(one.model, one.avatars, one._world, now, strikes, 0, 1, out) == 1
+    assert out["push"][0] == pytest.approx(PUSH * (0.5 * THROWS) ** 2)
+    assert one.avatars.conditions["standing"][1] == layout.UP
 
 
 @pytest.mark.parametrize("far", [SEES - 0.1, SEES + 0.1])

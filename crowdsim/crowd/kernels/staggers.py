@@ -13,8 +13,7 @@ from crowdsim.crowd.kernels.travelling import travels
 from crowdsim.jit import kernel
 
 THROWS, PUSH, FURTHEST = 1.4, 0.24, 0.7  # strength from which on a hit throws, how far by its square, and at most [m]
-SPOILS, SOON = 1.1, 12.0  # strength that throws one about to strike, and how soon that one does [control frames]
-HURT = 0.5  # how far one throws an avatar at the least that is hurt so much that it staggers [m]
+SPOILS, SOON = 1.0, 12.0  # strength that throws one about to strike, and how soon that one does [control frames]
 AGAIN = 6.0  # for how long a further hit throws no avatar that staggers already [control frames]
 SEES, NEIGHBOURS = 3.0, 96  # how far away those are that may be in the way [m], and how many of them count
 
@@ -37,10 +36,12 @@ def list_thrown(model, avatars, world, now, strikes, first, last, out):
         j = avatars.slot_of[victim]
         if avatars.fight[j].hit_by != strikes[k].attacker or avatars.fight[j].hit_frame != now.frame:
             continue
-        push = _push(model, avatars, j) if world.crowding.back > 0.0 else 0.0
+        push = 0.0
         if hurts and avatars.conditions[victim].standing == STAGGERS:
             avatars.conditions[victim].standing = UP
-            push = max(push, HURT)
+            push = _push(model, avatars, j, 0.0)
+        elif world.crowding.back > 0.0:
+            push = _push(model, avatars, j, THROWS)
         # Strikes of one attacker follow one another.
         again = (held > 0 and out[held - 1].slot == j) or _is_thrown(model, avatars, j)
         strikes_back = avatars.motion[j].phase > avatars.playback[j].pending
@@ -96,12 +97,13 @@ def _keep_near(avatars, own, observed, q):
 
 
 @kernel(inline=True)
-def _push(model, avatars, j):
-    """Return how far the last hit throws an avatar off its feet [m], 0 for not at all."""
+def _push(model, avatars, j, least):
+    """Return how far the last hit throws an avatar off its feet [m]; 0 where it is weaker than ``least``."""
     square = avatars.fight[j].hit_x ** 2 + avatars.fight[j].hit_z ** 2
     motion = avatars.motion[j]
     left = avatars.playback[j].pending - motion.phase
-    least = SPOILS if 0.0 <= left < min(SOON * motion.speed, model.actions[motion.action].length) else THROWS
+    if 0.0 <= left < min(SOON * motion.speed, model.actions[motion.action].length):
+        least = min(least, SPOILS)
     return 0.0 if square < least * least else min(PUSH * square, FURTHEST)
 
 
