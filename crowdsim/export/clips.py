@@ -27,8 +27,7 @@ from crowdsim.body.skin import build_skin_of
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.errors import OutputError
-from crowdsim.export.gltf import HELPER_ROTATIONS, ROTATIONS, Document, GltfFile, key_times, moving_joints
-from crowdsim.export.gltf_kernels import pack_rotations
+from crowdsim.export.gltf import Document, GltfFile, key_times, moving_joints, packed_rotations, stored_rotations
 from crowdsim.export.prop_meshes import PropMesh, prop_meshes
 from crowdsim.export.stream import Block
 from crowdsim.poses.kernels.blending import BLEND, blend_poses
@@ -276,9 +275,10 @@ class ClipSink:
             rest = np.where(moving[:, None], np.nan, still)
             name = str(sampler.take.cast.policy_names[policy])
             first = document.add_body(name, database.skeleton, added, rest, paints, 1.0, {"policy": name})
-            for node, kind, prop in self._props(policy):
+            props = list(self._props(policy))
+            for node, kind, prop in props:
                 document.add_prop(node, first + 1 + prop.joint, prop, {"type": kind})
-            halves = first + 1 + len(moving) + np.arange(len(added.skin.helpers))
+            tracks = stored_rotations(added.skin, moving, [prop.joint for _, _, prop in props], self._rotations)
             for low, high in stretches:
                 span = slice(low, high + 1)
                 key = int(high + 1 - low), motion.frames.rate
@@ -287,16 +287,11 @@ class ClipSink:
                     moments[key] = document.add(times, limits=True)
                 local = motion.frames.rotations[span]
                 keys = [(first + 1, "translation", document.add(motion.frames.roots[span].astype("<f4")))]
-                for nodes, rotations, kinds in (
-                    (first + 1 + np.flatnonzero(moving), local[:, moving], ROTATIONS),
-                    (halves, added.skin.helper_rotations(local).astype(np.float32), HELPER_ROTATIONS),
-                ):
-                    dtype, one = kinds[self._rotations]
-                    packed = np.empty((1, len(nodes), len(local), 4), dtype)
-                    last = np.ascontiguousarray(rotations[:1], dtype=np.float64)
-                    pack_rotations(0, 1, np.ascontiguousarray(rotations[:, None]), last, one, packed)
-                    for node, values in zip(nodes.tolist(), packed[0], strict=True):
-                        keys.append((node, "rotation", document.add(values)))
+                for joints, dtype in tracks:
+                    last = np.tile([1.0, 0.0, 0.0, 0.0], (len(joints), 1))
+                    packed = packed_rotations(added.skin, local, joints, dtype, last)
+                    for joint, values in zip(joints.tolist(), packed, strict=True):
+                        keys.append((first + 1 + joint, "rotation", document.add(values)))
                 animations.append({
                     "name": f"{name}/{len(animations)}",
                     "samplers": [{"input": moments[key], "output": output} for _, _, output in keys],
