@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Literal, cast
 from pydantic import Field, model_validator
 
 from crowdsim.config.files import Fault, Finding
+from crowdsim.errors import CrowdsimError
 from crowdsim.export.avatar_files import MAXIMUM_FILES
 from crowdsim.export.posed import POSE_SECONDS, PosedOutput, extent_of
 from crowdsim.export.stream import Sink
 from crowdsim.scenario.camera import Camera
-from crowdsim.scenario.cameras import Chosen
+from crowdsim.scenario.cameras import Chosen, choice_findings
 from crowdsim.scenario.output import Extent, Series
 
 if TYPE_CHECKING:
@@ -85,6 +86,16 @@ class GlbOutput(PosedOutput):
         """Return it with the numbers of its avatars and the keys of its camera."""
         keys = cameras.get(self.camera, self.camera) if isinstance(self.camera, str) else self.camera
         return super().named(members, cameras).model_copy(update={"camera": keys})
+
+    def of_take(self, names: Sequence[str], cameras: Mapping[str, Camera]) -> PosedOutput:
+        """Return it with the keys of its camera, which may be in a file, for a finished take."""
+        from crowdsim.scenario.camera_files import camera_in_file
+
+        if isinstance(self.camera, str) and (camera := camera_in_file(self.camera)) is not None:
+            cameras = {**cameras, self.camera: camera}
+        for finding in () if self.camera is None else choice_findings(self.camera, cameras, names):
+            raise CrowdsimError(f"{self.name}: camera: {finding.message}")
+        return super().of_take(names, cameras)
 
     def command(self, run: str) -> list[str]:
         """Return the words of the command that writes it from a finished run; none if it cannot name the camera."""

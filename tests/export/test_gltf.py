@@ -19,7 +19,7 @@ from crowdsim.body.looks import usual_build
 from crowdsim.body.skin import build_skin, pose_skins
 from crowdsim.crowd.attachments import WOOD
 from crowdsim.crowd.props import FACE, PROP
-from crowdsim.errors import OutputError
+from crowdsim.errors import CrowdsimError, OutputError
 from crowdsim.export import gltf, stream
 from crowdsim.export.gltf import write_gltf
 from crowdsim.export.posed import write_posed
@@ -33,6 +33,7 @@ from crowdsim.preparation.prepare import load_policies
 from crowdsim.render.camera import build_track, resolve_camera
 from crowdsim.render.take_source import TakeSource
 from crowdsim.runs.runner import run
+from crowdsim.scenario.camera_files import load_cameras
 from crowdsim.scenario.scenario import load_scenario
 
 pygltflib = pytest.importorskip("pygltflib")
@@ -403,6 +404,28 @@ def test_each_avatar_may_have_a_file_of_the_frames_in_which_it_is_there(sampler:
     write_posed(sampler, tmp_path, [split])
     assert written[1].exists()
     assert written[0].read_bytes() == before
+
+
+def test_cameras_that_there_are_not_are_refused_before_anything_is_written(
+    sampler: PoseSampler, tmp_path: Path
+) -> None:
+    file = tmp_path / "shots.yaml"
+    file.write_text("cameras:\n  near: {kind: follow, avatar: nobody}\n  far: {kind: front}\n")
+    shown, cameras = sampler.take, load_cameras(file).cameras
+    for camera, why in (
+        ("nosuch", "camera 'nosuch' is unknown, expected one of near, far, auto"),
+        ("follow:9", r"camera 'follow:9': no avatar 9, expected"),
+        ("near", "camera 'near': .*'nobody'"),
+        (f"{file}#near", "camera '.*#near': .*'nobody'"),
+        (f"{file}#no", "camera '.*#no' is unknown"),
+        ("far+side", "joins 'far', a camera of the scenario"),
+    ):
+        with pytest.raises(CrowdsimError, match=why):
+            GlbOutput(camera=camera).of_take(shown.cast.names.tolist(), cameras)
+    for camera in ("far", f"{file}#far"):
+        chosen = GlbOutput(camera=camera).of_take(shown.cast.names.tolist(), cameras)
+        assert isinstance(chosen, GlbOutput)
+        assert chosen.camera == cameras["far"]
 
 
 def test_files_of_avatars_have_no_camera() -> None:
