@@ -142,14 +142,17 @@ class ClipSink:
             frames: Output frames. Shape (T,).
             ground: Ground transforms at these. Shape (T, n, 4).
         """
+        if len(frames) == 1:
+            return []
         tall = _TALL * self._sampler.take.cast.scales[self._numbers[columns]]
         own = np.tile(np.arange(len(columns)), len(frames) - 1)
         begins, width = np.repeat(frames[:-1].astype(float), len(columns)), 1.0
         ends = np.stack([ground[:-1], ground[1:]], axis=2).reshape(-1, 2, 4)
-        found = []
-        while len(own) and width > _FINEST:
+        between = (frames[:-1] + _QUARTERS).T.reshape(-1, 1) / float(self._fps)
+        quarters = self._ground(policy, self._numbers[columns], between).reshape(-1, 3, len(columns), 4)
+        inner, found = np.swapaxes(quarters, 1, 2).reshape(-1, 3, 4), []
+        while True:
             places = begins[:, None] + width * _QUARTERS[:, 0]
-            inner = self._ground_at(policy, self._numbers[columns], own, places)
             ways = ends[:, 1] - ends[:, 0]
             ways[:, 3] = _turn(ways[:, 3])
             stray = np.abs(inner - ends[:, :1] - _QUARTERS * ways[:, None])
@@ -163,7 +166,9 @@ class ClipSink:
             ends = np.stack([nodes[:, :-1], nodes[:, 1:]], axis=2).reshape(-1, 2, 4)
             begins = np.concatenate([begins[:, None], places], axis=1).ravel()
             own, width = np.repeat(own, 4), width / 4
-        return found
+            if not len(own) or width <= _FINEST:
+                return found
+            inner = self._ground_at(policy, self._numbers[columns], own, begins[:, None] + width * _QUARTERS[:, 0])
 
     def _ground_at(self, policy: int, avatars: Array, own: Array, places: Array) -> Array:
         """Return ground transforms of some avatars, each at times of its own. Shape (n, 3, 4).

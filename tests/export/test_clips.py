@@ -110,6 +110,12 @@ def test_ground_transforms_between_frames_follow_spins(
     assert 1.8 * np.abs(found - expected).max() < 0.005
 
 
+def test_a_single_frame_has_nothing_between(sampler, tmp_path: Path) -> None:
+    write_clips(sampler, tmp_path, 30, (6, 7))
+    tracks = json.loads((tmp_path / "tracks.json").read_text())["avatars"]
+    assert [(len(track["roots"]), track["between"]) for track in tracks] == [(1, []), (1, [])]
+
+
 @pytest.mark.parametrize(("rotations", "frames"), [("float32", (0, 150)), ("int16", (7, 120))])
 def test_a_reader_has_the_poses_that_were_captured_and_blended(sampler, tmp_path, reader, rotations, frames) -> None:
     write_clips(sampler, tmp_path, FPS, frames, rotations=rotations)
