@@ -85,6 +85,23 @@ def _unambiguous(inside: Array) -> Array:
             return inside
 
 
+def largest_piece(vertices: Array, triangles: Array) -> tuple[Array, Array]:
+    """Return the largest connected piece of a closed mesh, without bubbles inside of it and crumbs beside it.
+
+    Args:
+        vertices: Shape (V, 3).
+        triangles: Shape (F, 3).
+    """
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    edges, count = mesh_edges(triangles), len(vertices)
+    links = csr_matrix((np.ones(len(edges), np.int8), (edges[:, 0], edges[:, 1])), (count, count))
+    _, pieces = connected_components(links, directed=False)
+    kept = pieces == np.argmax(np.bincount(pieces))
+    return vertices[kept], (np.cumsum(kept) - 1)[triangles[kept[triangles[:, 0]]]]
+
+
 def mesh_edges(triangles: Array) -> Array:
     """Return the edges of a closed mesh, each once, the lower vertex first. Shape (E, 2)."""
     # On a closed surface each edge has its lower vertex first in one of its two triangles.

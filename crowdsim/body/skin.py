@@ -13,7 +13,7 @@ from crowdsim.body.anatomy import GIRTHS, Build, sculpt
 from crowdsim.body.binding import SIDES, Binding, bind
 from crowdsim.body.field import evaluate, sample
 from crowdsim.body.kernels import skin_vertices
-from crowdsim.body.meshing import refine, relax, surface_nets, thin, vertex_normals
+from crowdsim.body.meshing import largest_piece, refine, relax, surface_nets, thin, vertex_normals
 from crowdsim.body.parts import SKIN_PARTS, dress, wanted_lengths
 from crowdsim.body.store import kept_arrays
 from crowdsim.body.weights import bending_joints, bind_vertices, bone_axes, limb_shares
@@ -219,7 +219,7 @@ def _build(skeleton: Skeleton, body: Body, build: Build, poses: Array | None, co
     shapes, names = sculpt(binding, build)
     spacing = _SPACING * binding.size * coarseness
     values, low = sample(shapes, spacing)
-    vertices, triangles = surface_nets(values, low, spacing)
+    vertices, triangles = largest_piece(*surface_nets(values, low, spacing))
     vertices = relax(shapes, vertices, triangles, 2)
     wanted = wanted_lengths(binding, build, coarseness)
     for _ in range(2):

@@ -27,8 +27,7 @@ from crowdsim.body.skin import build_skin_of
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.errors import OutputError
-from crowdsim.export.gltf import HELPER_ROTATIONS, ROTATIONS, Document, GltfFile, key_times, moving_joints
-from crowdsim.export.gltf_kernels import pack_rotations
+from crowdsim.export.gltf import Document, GltfFile, key_times, moving_joints, packed_rotations, stored_rotations
 from crowdsim.export.prop_meshes import PropMesh, prop_meshes
 from crowdsim.export.stream import Block
 from crowdsim.poses.kernels.blending import BLEND, blend_poses
@@ -42,9 +41,11 @@ VERSION = 1
 BANK, TRACKS, PARQUET = "bank.glb", "tracks.json", "tracks.parquet"
 _AT_ONCE = 256
 """Avatars whose tracks are worked out at once."""
-_STEPS, _STRAY, _TALL = 4, 0.004, 1.8
-"""Into how many parts the time between two frames is divided where a straight line strays further from the ground
-transform than so much [m], at the far end of a body so long [m]."""
+_STRAY, _TALL = 0.004, 1.8
+"""How far a straight line may stray from the ground transform [m], at the far end of a body so long [m]."""
+_QUARTERS = np.array([[0.25], [0.5], [0.75]])
+_FINEST = 1e-3
+"""Shares of a stretch of time where it is compared with a straight line, and how short the shortest is [frames]."""
 
 
 def clip_files() -> list[str]:
@@ -123,28 +124,72 @@ class ClipSink:
         low, high = max(block.first_output, self.start), min(block.stop_output, self.stop)
         # What lies between the last frame of the block and the next belongs to it.
         last = min(high, self.stop - 1)
-        times = np.arange(_STEPS * low, _STEPS * last + 1) / (_STEPS * float(self._fps))
+        frames = np.arange(low, last + 1)
         for policy, some in self._groups():
-            ground = self._ground(policy, self._numbers[some], times)
-            self._roots[low - self.start : high - self.start, some] = ground[::_STEPS][: high - low]
-            self._between.append(self._strays(ground, some, low - self.start))
+            ground = self._ground(policy, self._numbers[some], frames[:, None] / float(self._fps))
+            self._roots[low - self.start : high - self.start, some] = ground[: high - low]
+            self._between += self._strays(policy, some, frames, ground)
         self._rows = high - self.start
 
-    def _strays(self, ground: Array, columns: Array, first: int) -> Array:
-        """Return the ground transforms between frames where straight lines stray from them. Shape (n, 6)."""
-        frames = ground[::_STEPS]
-        shares = np.arange(1, _STEPS)[:, None, None] / _STEPS
-        inner = np.stack([ground[step::_STEPS][: len(frames) - 1] for step in range(1, _STEPS)], axis=1)
-        ways = np.diff(frames, axis=0)
-        ways[..., 3] = _turn(ways[..., 3])
-        stray = np.abs(inner - frames[:-1, None] - shares * ways[:, None])
-        stray[..., 3] = np.abs(_turn(stray[..., 3]))
+    def _strays(self, policy: int, columns: Array, frames: Array, ground: Array) -> list[Array]:
+        """Return the ground transforms between frames where straight lines stray from them. Shapes (n, 6).
+
+        Stretches that stray are divided into quarters, and these again.
+
+        Args:
+            policy: Number of the policy.
+            columns: Columns of its avatars.
+            frames: Output frames. Shape (T,).
+            ground: Ground transforms at these. Shape (T, n, 4).
+        """
+        if len(frames) == 1:
+            return []
         tall = _TALL * self._sampler.take.cast.scales[self._numbers[columns]]
-        far = (np.hypot(stray[..., 0], stray[..., 2]) + stray[..., 1] + tall * stray[..., 3]).max(axis=1)
-        frame, own = np.nonzero(far > _STRAY)
-        places = first + frame[:, None] + shares[:, 0, 0]
-        rows = [np.broadcast_to(columns[own][:, None], places.shape), places, *np.moveaxis(inner[frame, :, own], -1, 0)]
-        return np.stack(rows, axis=-1).reshape(-1, 6)
+        own = np.tile(np.arange(len(columns)), len(frames) - 1)
+        begins, width = np.repeat(frames[:-1].astype(float), len(columns)), 1.0
+        ends = np.stack([ground[:-1], ground[1:]], axis=2).reshape(-1, 2, 4)
+        between = (frames[:-1] + _QUARTERS).T.reshape(-1, 1) / float(self._fps)
+        quarters = self._ground(policy, self._numbers[columns], between).reshape(-1, 3, len(columns), 4)
+        inner, found = np.swapaxes(quarters, 1, 2).reshape(-1, 3, 4), []
+        while True:
+            places = begins[:, None] + width * _QUARTERS[:, 0]
+            ways = ends[:, 1] - ends[:, 0]
+            ways[:, 3] = _turn(ways[:, 3])
+            stray = np.abs(inner - ends[:, :1] - _QUARTERS * ways[:, None])
+            stray[..., 3] = np.abs(_turn(stray[..., 3]))
+            gap = np.hypot(stray[..., 0], stray[..., 2]) + stray[..., 1] + tall[own, None] * stray[..., 3]
+            far = gap.max(axis=1) > _STRAY
+            inner, places, own, begins, ends = inner[far], places[far], own[far], begins[far], ends[far]
+            rows = np.broadcast_to(columns[own][:, None], places.shape), places - self.start
+            found.append(np.concatenate([np.stack(rows, axis=-1), inner], axis=-1).reshape(-1, 6))
+            nodes = np.concatenate([ends[:, :1], inner, ends[:, 1:]], axis=1)
+            ends = np.stack([nodes[:, :-1], nodes[:, 1:]], axis=2).reshape(-1, 2, 4)
+            begins = np.concatenate([begins[:, None], places], axis=1).ravel()
+            own, width = np.repeat(own, 4), width / 4
+            if not len(own) or width <= _FINEST:
+                return found
+            inner = self._ground_at(policy, self._numbers[columns], own, begins[:, None] + width * _QUARTERS[:, 0])
+
+    def _ground_at(self, policy: int, avatars: Array, own: Array, places: Array) -> Array:
+        """Return ground transforms of some avatars, each at times of its own. Shape (n, 3, 4).
+
+        Args:
+            policy: Number of the policy.
+            avatars: Its avatars.
+            own: Which of them. Shape (n,).
+            places: Output frames. Shape (n, 3).
+        """
+        count = np.bincount(own, minlength=len(avatars))
+        order = np.lexsort([places[:, 0], own])
+        rows = np.empty(len(own), np.int64)
+        rows[order] = np.arange(len(own)) - np.repeat(np.cumsum(count) - count, count)
+        times = np.full((int(count.max()), 3, len(avatars)), np.nan)
+        times[rows, :, own] = places
+        # Avatars with fewer times than others stay at the last of theirs.
+        times[0, 0, count == 0] = places.min()
+        ascending = np.fmax.accumulate(times.reshape(-1, len(avatars)))
+        ground = self._ground(policy, avatars, ascending / float(self._fps))
+        return ground.reshape(-1, 3, len(avatars), 4)[rows, :, own]
 
     def close(self) -> list[Path]:
         """Write the files and return them."""
@@ -188,8 +233,14 @@ class ClipSink:
                 yield int(policy), mine[low : low + _AT_ONCE]
 
     def _ground(self, policy: int, avatars: Array, times: Array) -> Array:
-        """Return ground transforms with their blends: x, lift and z [m], and heading [rad]. Shape (T, n, 4)."""
-        moments = Moments(np.arange(len(avatars)), times[:, None])
+        """Return ground transforms with their blends: x, lift and z [m], and heading [rad]. Shape (T, n, 4).
+
+        Args:
+            policy: Number of the policy.
+            avatars: Its avatars. Shape (n,).
+            times: Ascending [s]. Shape (T, n), or (T, 1) where they are the same for all.
+        """
+        moments = Moments(np.arange(len(avatars)), times)
         part = self._sampler.poser.part(policy, avatars, moments, Blend.name)
         motion, transitions = part.window.motion, part.window.transitions
         # The root of a body of one joint that never moves is its ground transform.
@@ -276,9 +327,10 @@ class ClipSink:
             rest = np.where(moving[:, None], np.nan, still)
             name = str(sampler.take.cast.policy_names[policy])
             first = document.add_body(name, database.skeleton, added, rest, paints, 1.0, {"policy": name})
-            for node, kind, prop in self._props(policy):
+            props = list(self._props(policy))
+            for node, kind, prop in props:
                 document.add_prop(node, first + 1 + prop.joint, prop, {"type": kind})
-            halves = first + 1 + len(moving) + np.arange(len(added.skin.helpers))
+            tracks = stored_rotations(added.skin, moving, [prop.joint for _, _, prop in props], self._rotations)
             for low, high in stretches:
                 span = slice(low, high + 1)
                 key = int(high + 1 - low), motion.frames.rate
@@ -287,16 +339,11 @@ class ClipSink:
                     moments[key] = document.add(times, limits=True)
                 local = motion.frames.rotations[span]
                 keys = [(first + 1, "translation", document.add(motion.frames.roots[span].astype("<f4")))]
-                for nodes, rotations, kinds in (
-                    (first + 1 + np.flatnonzero(moving), local[:, moving], ROTATIONS),
-                    (halves, added.skin.helper_rotations(local).astype(np.float32), HELPER_ROTATIONS),
-                ):
-                    dtype, one = kinds[self._rotations]
-                    packed = np.empty((1, len(nodes), len(local), 4), dtype)
-                    last = np.ascontiguousarray(rotations[:1], dtype=np.float64)
-                    pack_rotations(0, 1, np.ascontiguousarray(rotations[:, None]), last, one, packed)
-                    for node, values in zip(nodes.tolist(), packed[0], strict=True):
-                        keys.append((node, "rotation", document.add(values)))
+                for joints, dtype in tracks:
+                    last = np.tile([1.0, 0.0, 0.0, 0.0], (len(joints), 1))
+                    packed = packed_rotations(added.skin, local, joints, dtype, last)
+                    for joint, values in zip(joints.tolist(), packed, strict=True):
+                        keys.append((first + 1 + joint, "rotation", document.add(values)))
                 animations.append({
                     "name": f"{name}/{len(animations)}",
                     "samplers": [{"input": moments[key], "output": output} for _, _, output in keys],

@@ -2,8 +2,8 @@
 
 Every size is known before the first pose, so that the description is written first and blocks of poses are put at
 their places; memory does not grow with the take. Each avatar has a tree of joints and a skinned mesh at the root of the
-scene; avatars of one build share vertices, and the matrices of each skin hold what is its own: size, girth, length of
-legs and arms. Helper joints ``...Half`` turn half as far as elbows and knees.
+scene; avatars of one girth and one length of legs and arms share vertices, all of a build share triangles and weights.
+Helper joints ``...Half`` turn half as far as elbows and knees.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from crowdsim.body.anatomy import Build
 from crowdsim.body.looks import build_of, roughness
 from crowdsim.body.palette import avatar_paints, skin_paints
 from crowdsim.body.parts import SKIN_PARTS
-from crowdsim.body.skin import HELPERS, Skin, build_skin_of
+from crowdsim.body.skin import Skin, build_skin_of
 from crowdsim.core.types import Array, Progress
 from crowdsim.crowd.events import OUTCOMES
 from crowdsim.errors import OutputError
@@ -46,10 +46,9 @@ from crowdsim.poses.builds import build_skeleton
 from crowdsim.poses.sampler import Poses, PoseSampler
 from crowdsim.scenario.rates import exact_rate
 
-ROTATIONS = {"float32": ("<f4", 1.0), "int16": ("<i2", 32767.0)}
-"""How rotations are stored, and what a one becomes."""
-HELPER_ROTATIONS = {"float32": ("<i2", 32767.0), "int16": ("i1", 127.0)}
-"""Helpers only move a fold of skin, for which fewer digits are enough."""
+_ROTATIONS = {"float32": ("<f4", "<i2", "<i2"), "int16": ("<i2", "<i2", "i1")}
+"""How rotations are stored: those of joints that carry joints or props; those of other joints, which as 16 bits put
+their skin within 0.01 mm; and those of helpers, which only move a fold of skin."""
 _COMPONENTS = {"|i1": 5120, "|u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125, "<f4": 5126}
 _KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 _VERTICES, _INDICES = 34962, 34963
@@ -180,16 +179,10 @@ class GltfSink:
             roots = np.where(seen[:, None] < 0, place.root, roots[np.maximum(seen, 0)])
         place.root = roots[-1]
         self._shared.put(place.roots + 12 * first, roots.astype("<f4"))
-        helpers = place.skin.helper_rotations(local)
-        for rotations, last, kinds, at in (
-            (local[:, place.moving], place.last[:-HELPERS], ROTATIONS, place.joints),
-            (helpers.astype(np.float32), place.last[-HELPERS:], HELPER_ROTATIONS, place.helpers),
-        ):
-            dtype, one = kinds[self._rotations]
-            packed = np.empty((1, rotations.shape[1], len(roots), 4), dtype)
-            pack_rotations(0, 1, np.ascontiguousarray(rotations[:, None]), last[None], one, packed)
-            for joint in range(packed.shape[1]):
-                self._shared.put(at + 4 * packed.itemsize * (joint * self._frames + first), packed[0, joint])
+        for joints, dtype, last, at in place.tracks:
+            packed = packed_rotations(place.skin, local, joints, dtype, last)
+            for number, values in enumerate(packed):
+                self._shared.put(at + 4 * packed.itemsize * (number * self._frames + first), values)
 
     @property
     def _frames(self) -> int:
@@ -232,7 +225,7 @@ class GltfSink:
             skeleton = build_skeleton(motion.skeleton, motion.segments, cast.stretches[number].astype(float))
             name = str(cast.names[number])
             scale = float(cast.scales[number])
-            first, joints = len(document.nodes), skeleton.joint_count
+            first = len(document.nodes)
             extras = {"avatar": number, "sex": build.sex, "build": build.kind}
             lost = self._health_lost(number)
             if lost:
@@ -250,20 +243,15 @@ class GltfSink:
                 carried[kind] = prop_meshes(cast, kind)
             for prop in carried[kind]:
                 document.add_prop(f"{name} {skeleton.names[prop.joint]} prop", first + 1 + prop.joint, prop)
-            kinds = ROTATIONS[self._rotations], HELPER_ROTATIONS[self._rotations]
             root, where = document.reserve(self._frames, 1, "<f4", 3)
-            last = np.tile([1.0, 0.0, 0.0, 0.0], (int(moving.sum()) + HELPERS, 1))
-            place = _Place(skin, moving, where, 0, 0, np.zeros(3), last)
+            place = self._places[number] = _Place(skin, where, np.zeros(3), [])
             animate(first + 1, "translation", root[0])
-            halves = np.arange(joints, joints + HELPERS)
-            for animated, (dtype, _), slot in zip(
-                (np.flatnonzero(moving), halves), kinds, ("joints", "helpers"), strict=True
-            ):
-                outputs, where = document.reserve(self._frames, len(animated), dtype, 4)
-                setattr(place, slot, where)
-                for turned, output in zip(animated, outputs, strict=True):
-                    animate(first + 1 + int(turned), "rotation", output)
-            self._places[number] = place
+            holders = [prop.joint for prop in carried[kind]]
+            for joints, dtype in stored_rotations(skin, moving, holders, self._rotations):
+                outputs, where = document.reserve(self._frames, len(joints), dtype, 4)
+                place.tracks.append((joints, dtype, np.tile([1.0, 0.0, 0.0, 0.0], (len(joints), 1)), where))
+                for joint, output in zip(joints.tolist(), outputs, strict=True):
+                    animate(first + 1 + joint, "rotation", output)
             if not rows.all():
                 changes = np.append(0, np.flatnonzero(np.diff(rows)) + 1)
                 shown = np.where(rows[changes], np.float32(scale), np.float32(0.0))
@@ -364,24 +352,28 @@ class GltfSink:
 
 @dataclass
 class _Place:
-    """Where the frames of an avatar lie in the file, and how its last one ended."""
+    """Where the frames of an avatar lie in the file, and how its last one ended.
+
+    Attributes:
+        skin: Its skin.
+        roots: Where its roots lie.
+        root: The last of them [m]. Shape (3,).
+        tracks: Joints and helpers; how their rotations are stored; the last of these, shape (k, 4); where they lie.
+    """
 
     skin: Skin
-    moving: Array
     roots: int
-    joints: int
-    helpers: int
     root: Array
-    last: Array
+    tracks: list[tuple[Array, str, Array, int]]
 
 
 @dataclass(frozen=True)
 class AddedSkin:
-    """A skin in a file, with the accessors of its vertices, of the triangles of each of its parts, and its bindings."""
+    """A skin in a file, with the accessors of its vertices, of triangles of parts of one paint, and its bindings."""
 
     skin: Skin
     attributes: dict[str, int]
-    primitives: list[tuple[int, int]]
+    triangles: dict[tuple[int, ...], int]
     bindings: int
 
 
@@ -402,7 +394,7 @@ class Document:
             "bufferViews": [],
         }
         self.constant: list[tuple[int, bytes]] = []
-        self.materials: dict[tuple[int, bytes], int] = {}
+        self.materials: dict[tuple[tuple[int, ...], bytes], int] = {}
         self.props: dict[bytes, int] = {}
         self.size = 0
 
@@ -449,12 +441,9 @@ class Document:
                 "JOINTS_0": self.add(skin.joints, _VERTICES),
                 "WEIGHTS_0": self.add(_whole_weights(skin.weights), _VERTICES),
             }
-            primitives = [
-                (int(part), self.add(skin.triangles[skin.parts == part].astype("<u2").ravel(), _INDICES))
-                for part in np.unique(skin.parts)
-            ]
+            triangles = dict[tuple[int, ...], int]()
         else:
-            shared, primitives = {key: alike.attributes[key] for key in ("JOINTS_0", "WEIGHTS_0")}, alike.primitives
+            shared, triangles = {key: alike.attributes[key] for key in ("JOINTS_0", "WEIGHTS_0")}, alike.triangles
         matrices = np.zeros((len(skin.positions), 4, 4), "<f4")
         matrices[:, :3] = skin.inverse_bindings()
         matrices[:, 3, 3] = 1.0
@@ -464,7 +453,7 @@ class Document:
             **shared,
         }
         bindings = self.add(np.ascontiguousarray(matrices.transpose(0, 2, 1)).reshape(-1, 16))
-        return AddedSkin(skin, attributes, primitives, bindings)
+        return AddedSkin(skin, attributes, triangles, bindings)
 
     def add_body(
         self,
@@ -478,7 +467,7 @@ class Document:
     ) -> int:
         """Add a tree of joints, and a skinned mesh beside it, to the root of the scene; return the tree's node.
 
-        The joints follow the node, helpers last.
+        The joints follow the node, helpers last. Parts of one paint are one primitive.
 
         Args:
             name: Name of the body.
@@ -513,10 +502,17 @@ class Document:
             "skeleton": first + 1,
             "joints": list(range(first + 1, first + 1 + len(parents))),
         })  # fmt: skip
-        self.json["meshes"].append({"name": name, "primitives": [
-            {"attributes": added.attributes, "indices": indices, "material": self.material(part, paints[part, :3])}
-            for part, indices in added.primitives
-        ]})  # fmt: skip
+        alike = dict[tuple[float, ...], list[int]]()
+        for part in np.unique(skin.parts).tolist():
+            alike.setdefault((*paints[part, :3].tolist(), roughness(part)), []).append(part)
+        primitives = []
+        for parts in map(tuple, alike.values()):
+            if parts not in added.triangles:
+                chosen = skin.triangles[np.isin(skin.parts, parts)]
+                added.triangles[parts] = self.add(chosen.astype("<u2").ravel(), _INDICES)
+            material = self.material(parts, paints[parts[0], :3])
+            primitives.append({"attributes": added.attributes, "indices": added.triangles[parts], "material": material})
+        self.json["meshes"].append({"name": name, "primitives": primitives})
         skinned = len(self.json["meshes"]) - 1
         self.nodes.append({"name": f"{name} skin", "mesh": skinned, "skin": len(self.json["skins"]) - 1})
         self.json["scenes"][0]["nodes"] += [first, len(self.nodes) - 1]
@@ -543,7 +539,7 @@ class Document:
             "POSITION": self.add(mesh.positions.astype("<f4"), _VERTICES, limits=True),
             "NORMAL": self.add(mesh.normals.astype("<f4"), _VERTICES),
         }
-        key = (-1 - kind, b"")
+        key = ((-1 - kind,), b"")
         if key not in self.materials:
             *colour, shine = OBSTACLE_PAINTS[kind]
             self.materials[key] = self._add_material(OBSTACLE_KINDS[kind], colour, round(1.0 - shine, 3))
@@ -566,7 +562,7 @@ class Document:
         if prop.key not in self.props:
             primitives = []
             for mesh, colour in prop.parts:
-                key = (_PROP_PART, np.array(colour).tobytes())
+                key = ((_PROP_PART,), np.array(colour).tobytes())
                 if key not in self.materials:
                     self.materials[key] = self._add_material("prop", list(colour), 1.0 - GLOSS)
                     # Meshes from files need not be closed.
@@ -609,12 +605,13 @@ class Document:
         })  # fmt: skip
         return len(self.json["meshes"]) - 1
 
-    def material(self, part: int, colour: Array) -> int:
-        """Return the material of a part in a linear colour."""
-        key, known = (part, np.round(colour, 4).tobytes()), self.materials
+    def material(self, parts: tuple[int, ...], colour: Array) -> int:
+        """Return the material of parts of one roughness in a linear colour, named after them."""
+        key, known = (parts, np.round(colour, 4).tobytes()), self.materials
         if key not in known:
             linear = [round(float(value), 4) for value in colour]
-            known[key] = self._add_material(SKIN_PARTS[part], linear, roughness(part))
+            name = "+".join(SKIN_PARTS[part] for part in parts)
+            known[key] = self._add_material(name, linear, roughness(parts[0]))
         return known[key]
 
     def _add_material(self, name: str, colour: Sequence[float], rough: float) -> int:
@@ -794,6 +791,39 @@ def moving_joints(database: MotionDatabase) -> tuple[Array, Array]:
         moving[joint] = bool(np.ptp(own, axis=0).max() > _STILL)
         still[joint] = own[0]
     return moving, still
+
+
+def stored_rotations(skin: Skin, moving: Array, holders: Sequence[int], rotations: str) -> list[tuple[Array, str]]:
+    """Return the animated joints and helpers of a skin by how their rotations are stored.
+
+    Args:
+        skin: The skin; its helpers are numbered after its joints.
+        moving: Which joints are animated. Shape (J,), bool.
+        holders: Joints that carry props.
+        rotations: ``float32`` or ``int16``.
+    """
+    joints, helpers = np.flatnonzero(moving), len(skin.parents) + np.arange(len(skin.helpers))
+    carrying = np.isin(joints, [*skin.parents, *holders])
+    groups = joints[carrying], joints[~carrying], helpers
+    return [(some, dtype) for some, dtype in zip(groups, _ROTATIONS[rotations], strict=True) if len(some)]
+
+
+def packed_rotations(skin: Skin, local: Array, joints: Array, dtype: str, last: Array) -> Array:
+    """Return rotations as a file stores them, joint by joint, x, y, z, w. Shape (k, T, 4).
+
+    Args:
+        skin: The skin.
+        local: Local rotations of all joints; NaN while absent. Shape (T, J, 4).
+        joints: Numbers of joints, or of helpers. Shape (k,).
+        dtype: How rotations are stored.
+        last: Rotations before the first, which become those of the last. Shape (k, 4), float64.
+    """
+    own = joints[0] < len(skin.parents)
+    chosen = local[:, joints] if own else skin.helper_rotations(local)[:, joints - len(skin.parents)]
+    one = 1.0 if dtype == "<f4" else float(np.iinfo(dtype).max)
+    packed = np.empty((1, len(joints), len(local), 4), dtype)
+    pack_rotations(0, 1, np.ascontiguousarray(chosen[:, None], np.float32), last[None], one, packed)
+    return packed[0]
 
 
 def write_gltf(

@@ -138,6 +138,18 @@ class PosedOutput(Ranged):
         numbers = [[avatar] if isinstance(avatar, int) else members(avatar) or () for avatar in self.avatars]
         return self.model_copy(update={"avatars": tuple(sorted({one for found in numbers for one in found}))})
 
+    def of_take(self, names: Sequence[str], cameras: Mapping[str, Camera]) -> PosedOutput:
+        """Return it with the keys of its camera, for a finished take.
+
+        Args:
+            names: Names of the avatars.
+            cameras: Cameras of the scenario by name.
+
+        Raises:
+            CrowdsimError: There is no such camera or avatar.
+        """
+        return self.named(lambda name: None, cameras)
+
     def findings(self, avatars: int) -> Iterator[Finding]:
         """Yield a finding for each avatar that there is not."""
         for i, avatar in enumerate(self.avatars or ()):

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Literal, cast
 from pydantic import Field, model_validator
 
 from crowdsim.config.files import Fault, Finding
+from crowdsim.errors import CrowdsimError
 from crowdsim.export.avatar_files import MAXIMUM_FILES
 from crowdsim.export.posed import POSE_SECONDS, PosedOutput, extent_of
 from crowdsim.export.stream import Sink
 from crowdsim.scenario.camera import Camera
-from crowdsim.scenario.cameras import Chosen
+from crowdsim.scenario.cameras import Chosen, choice_findings
 from crowdsim.scenario.output import Extent, Series
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ _FILE = "glb/take.glb"
 _SIZE = 1280, 720
 """Size of the pictures that cameras are planned for [px]."""
 _LARGEST = 2**32
-_POSE_BYTES = {"float32": 400.0, "int16": 210.0}
+_POSE_BYTES = {"float32": 360.0, "int16": 210.0}
 """Bytes of an avatar at a time, measured with the shipped scenarios."""
 _SKIN_BYTES, _AVATAR_BYTES = 300_000.0, 8_000.0
 """Bytes of a skin, which avatars of one build share, and of the description of an avatar."""
@@ -39,7 +40,9 @@ class GlbOutput(PosedOutput):
     kernels = "bodies"
 
     rotations: Literal["float32", "int16"] = Field(
-        default="float32", description="How rotations are stored: `float32`, or `int16`, which takes half the room."
+        default="float32",
+        description="How rotations are stored: `float32`, 16 bits where they move no other joint; or all as `int16`, "
+        "which takes three fifths of the room.",
     )
 
     camera: Chosen | None = Field(
@@ -83,6 +86,16 @@ class GlbOutput(PosedOutput):
         """Return it with the numbers of its avatars and the keys of its camera."""
         keys = cameras.get(self.camera, self.camera) if isinstance(self.camera, str) else self.camera
         return super().named(members, cameras).model_copy(update={"camera": keys})
+
+    def of_take(self, names: Sequence[str], cameras: Mapping[str, Camera]) -> PosedOutput:
+        """Return it with the keys of its camera, which may be in a file, for a finished take."""
+        from crowdsim.scenario.camera_files import camera_in_file
+
+        if isinstance(self.camera, str) and (camera := camera_in_file(self.camera)) is not None:
+            cameras = {**cameras, self.camera: camera}
+        for finding in () if self.camera is None else choice_findings(self.camera, cameras, names):
+            raise CrowdsimError(f"{self.name}: camera: {finding.message}")
+        return super().of_take(names, cameras)
 
     def command(self, run: str) -> list[str]:
         """Return the words of the command that writes it from a finished run; none if it cannot name the camera."""

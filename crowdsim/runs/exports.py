@@ -82,7 +82,7 @@ def choose_outputs(
     for output in map(EXPORTS.__getitem__, kinds):
         own = {key: _listed(output, key, value) for key, value in more.items() if key in output.model_fields}
         wanted = _checked(output, {**given, **own})
-        chosen.append(wanted.named(lambda name: None, getattr(take, "cameras", {})))
+        chosen.append(wanted.of_take(take.cast.names.tolist(), getattr(take, "cameras", {})))
     return chosen
 
 

@@ -124,6 +124,11 @@ def choice_findings(chosen: Chosen, cameras: Mapping[str, Camera], names: Sequen
     except CrowdsimError as error:
         yield Finding((), str(error))
         return
+    joined = [part.strip() for part in chosen.split("+")] if isinstance(chosen, str) and "+" in chosen else []
+    for name in joined:
+        if name in cameras:
+            what = f"joins {name!r}, a camera of the scenario, expected kinds of cameras on both sides of '+'"
+            yield Finding((), what)
     for camera in found if names is not None else ():
         for finding in check_avatars(camera, names or ()):
             if isinstance(chosen, str):

@@ -233,10 +233,6 @@ def _camera_findings(scenario: Description) -> Iterator[Finding]:
         names = scenario.avatar_names()
         for finding in choice_findings(render.camera, scenario.cameras, names):
             yield render.place(replace(finding, loc=("camera", *finding.loc)))
-        joined = render.camera.split("+") if isinstance(render.camera, str) and "+" in render.camera else []
-        for name in [part.strip() for part in joined if part.strip() in scenario.cameras]:
-            what = f"joins {name!r}, a camera of the scenario, expected kinds of cameras on both sides of '+'"
-            yield render.place(Finding(("camera",), what))
         for finding in shot_findings(render.shots, scenario.cameras, names):
             yield render.place(replace(finding, loc=("shots", *finding.loc)))
     glb = scenario.outputs.glb

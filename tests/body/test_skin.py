@@ -12,7 +12,7 @@ from crowdsim.body import store
 from crowdsim.body.anatomy import GIRTHS, KINDS, Build
 from crowdsim.body.binding import bind
 from crowdsim.body.field import Shapes, evaluate
-from crowdsim.body.meshing import cut, mesh_edges, relax, surface_nets, thicken, thin, unpinched
+from crowdsim.body.meshing import cut, largest_piece, mesh_edges, relax, surface_nets, thicken, thin, unpinched
 from crowdsim.body.palette import avatar_paints, skin_paints
 from crowdsim.body.parts import SKIN_PARTS
 from crowdsim.body.skin import Skin, build_skin, pose_skins
@@ -289,6 +289,23 @@ def test_meshes_of_a_ball_lie_on_it_and_stay_closed() -> None:
     assert len(owners) == 2 * len(line)
     edges = mesh_edges(closed)
     assert len(raised) - len(edges) + len(closed) == 2
+
+
+def test_bubbles_and_crumbs_are_no_part_of_a_mesh() -> None:
+    grid = np.stack(np.meshgrid(*[np.arange(-8, 9)] * 3, indexing="ij"), axis=-1)
+    ball = 6.5 - np.linalg.norm(grid, axis=-1)
+    expected = surface_nets(ball, np.zeros(3), 1.0)
+    spoiled = ball.copy()
+    spoiled[8, 8, 8], spoiled[1, 1, 1] = -1.0, 1.0
+    vertices, triangles = surface_nets(spoiled, np.zeros(3), 1.0)
+    assert trimesh.Trimesh(vertices, triangles, process=False).body_count == 3
+    for found, own in zip(largest_piece(vertices, triangles), expected, strict=True):
+        assert len(found) == len(own)
+    mesh = trimesh.Trimesh(*largest_piece(vertices, triangles), process=False)
+    assert mesh.is_watertight
+    assert mesh.body_count == 1
+    for found, own in zip(largest_piece(*expected), expected, strict=True):
+        np.testing.assert_array_equal(found, own)
 
 
 def test_distances_of_a_field_are_those_of_its_shape() -> None:

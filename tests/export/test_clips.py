@@ -83,6 +83,39 @@ def captured_and_blended(sampler, times):
     return np.stack([found[avatar] for avatar in range(3)], axis=1)
 
 
+def test_ground_transforms_between_frames_follow_spins(
+    sampler, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sink = clips.ClipSink(sampler, tmp_path, 30, (5, 15))
+    places = np.linspace(5, 14, 2001)
+
+    def ground(policy, avatars, times):
+        """One stays, one drifts, and one turns around in a tenth of a frame."""
+        frames = np.broadcast_to(30.0 * times, (len(times), len(avatars)))
+        headings = [0.0 * frames[:, 0], 0.1 * frames[:, 0], np.arctan(40.0 * (frames[:, -1] - 8.87))]
+        shape = np.stack([frames, 0.0 * frames, frames, 0.0 * frames], axis=-1)
+        shape[..., 3] = np.stack(headings[: len(avatars)], axis=1)
+        return shape
+
+    monkeypatch.setattr(sink, "_ground", ground)
+    frames = np.arange(5, 15)
+    known = ground(0, range(3), frames[:, None] / 30.0)
+    rows = np.concatenate(sink._strays(0, np.arange(3), frames, known))
+    assert set(rows[:, 0]) == {2}
+    at = np.concatenate([frames, rows[:, 1] + 5])
+    headings = np.concatenate([known[:, 2, 3], rows[:, 5]])[np.argsort(at)]
+    found = np.interp(places, np.sort(at), headings)
+    expected = ground(0, range(3), places[:, None] / 30.0)[:, 2, 3]
+    assert 3 < len(rows) < 120
+    assert 1.8 * np.abs(found - expected).max() < 0.005
+
+
+def test_a_single_frame_has_nothing_between(sampler, tmp_path: Path) -> None:
+    write_clips(sampler, tmp_path, 30, (6, 7))
+    tracks = json.loads((tmp_path / "tracks.json").read_text())["avatars"]
+    assert [(len(track["roots"]), track["between"]) for track in tracks] == [(1, []), (1, [])]
+
+
 @pytest.mark.parametrize(("rotations", "frames"), [("float32", (0, 150)), ("int16", (7, 120))])
 def test_a_reader_has_the_poses_that_were_captured_and_blended(sampler, tmp_path, reader, rotations, frames) -> None:
     write_clips(sampler, tmp_path, FPS, frames, rotations=rotations)

@@ -19,7 +19,7 @@ from crowdsim.body.looks import usual_build
 from crowdsim.body.skin import build_skin, pose_skins
 from crowdsim.crowd.attachments import WOOD
 from crowdsim.crowd.props import FACE, PROP
-from crowdsim.errors import OutputError
+from crowdsim.errors import CrowdsimError, OutputError
 from crowdsim.export import gltf, stream
 from crowdsim.export.gltf import write_gltf
 from crowdsim.export.posed import write_posed
@@ -33,6 +33,7 @@ from crowdsim.preparation.prepare import load_policies
 from crowdsim.render.camera import build_track, resolve_camera
 from crowdsim.render.take_source import TakeSource
 from crowdsim.runs.runner import run
+from crowdsim.scenario.camera_files import load_cameras
 from crowdsim.scenario.scenario import load_scenario
 
 pygltflib = pytest.importorskip("pygltflib")
@@ -189,13 +190,17 @@ def test_extras_say_teams_types_and_strikes(sampler: PoseSampler, tmp_path: Path
 def test_types_are_told_apart_by_their_shorts(sampler: PoseSampler, tmp_path: Path) -> None:
     (path,) = write_gltf(sampler, tmp_path / "crowd.glb", fps=30)
     gltf = Scene(path).gltf
-    striped = {}
+    shorts = {}
     for node in gltf.nodes:
         if node.mesh is not None and node.skin is not None:
-            own = {gltf.materials[one.material].name: one.material for one in gltf.meshes[node.mesh].primitives}
-            paints = {name: gltf.materials[own[name]].pbrMetallicRoughness.baseColorFactor for name in own}
-            striped[node.name] = paints["stripes"] != paints["shorts"]
-    assert striped == {"red_0 skin": False, "red_1 skin": False, "late_0 skin": True}
+            primitives = gltf.meshes[node.mesh].primitives
+            parts = {part: {*parts} for one in primitives for parts in [gltf.materials[one.material].name.split("+")]
+                     for part in parts}  # fmt: skip
+            shorts[node.name] = parts["shorts"]
+            looks = [gltf.materials[one.material].pbrMetallicRoughness for one in primitives]
+            assert len({(*look.baseColorFactor, look.roughnessFactor) for look in looks}) == len(looks)
+    plain = {"shorts", "stripes", "hems", "crossings"}
+    assert shorts == {"red_0 skin": plain, "red_1 skin": plain, "late_0 skin": {"shorts", "hems"}}
 
 
 def test_types_have_bodies_of_their_sex_and_with_their_hands(sampler: PoseSampler, tmp_path: Path) -> None:
@@ -205,7 +210,9 @@ def test_types_have_bodies_of_their_sex_and_with_their_hands(sampler: PoseSample
     gltf = Scene(path).gltf
     assert [node.extras["sex"] for node in gltf.nodes if node.extras] == ["female", "female", "male"]
     parts = {
-        node.name: {gltf.materials[one.material].name for one in gltf.meshes[node.mesh].primitives}
+        node.name: {
+            part for one in gltf.meshes[node.mesh].primitives for part in gltf.materials[one.material].name.split("+")
+        }
         for node in gltf.nodes
         if node.skin is not None
     }
@@ -307,6 +314,19 @@ def test_props_are_children_of_joints_where_pictures_show_them(armed: PoseSample
     assert len(seen) == 5
 
 
+def test_rotations_that_move_a_joint_or_a_prop_are_not_shortened(armed: PoseSampler, tmp_path: Path) -> None:
+    for rotations, dtypes in (("float32", ("<f4", "<i2", "<i2")), ("int16", ("<i2", "<i2", "i1"))):
+        (path,) = write_gltf(armed, tmp_path / "crowd.glb", fps=30, rotations=rotations, frames=(20, 60))
+        scene = Scene(path)
+        nodes, (animation,) = scene.gltf.nodes, scene.gltf.animations
+        for channel in animation.channels:
+            if channel.target.path == "rotation":
+                node = channel.target.node
+                found = DTYPES[scene.gltf.accessors[animation.samplers[channel.sampler].output].componentType]
+                expected = dtypes[0] if nodes[node].children else dtypes[1]
+                assert found == (dtypes[2] if scene.names[node].endswith("Half") else expected)
+
+
 def test_meshes_from_files_are_their_triangles_where_joints_are(sampler: PoseSampler, tmp_path: Path) -> None:
     cast, head = sampler.take.cast, sampler.policies[0].database.body.roles["head"]
     corners = np.array([[[0, 0.2, 0], [0.1, 0.2, 0], [0, 0.2, 0.1]], [[0, 0.2, 0], [0, 0.2, 0], [0, 0.3, 0]]])
@@ -384,6 +404,28 @@ def test_each_avatar_may_have_a_file_of_the_frames_in_which_it_is_there(sampler:
     write_posed(sampler, tmp_path, [split])
     assert written[1].exists()
     assert written[0].read_bytes() == before
+
+
+def test_cameras_that_there_are_not_are_refused_before_anything_is_written(
+    sampler: PoseSampler, tmp_path: Path
+) -> None:
+    file = tmp_path / "shots.yaml"
+    file.write_text("cameras:\n  near: {kind: follow, avatar: nobody}\n  far: {kind: front}\n")
+    shown, cameras = sampler.take, load_cameras(file).cameras
+    for camera, why in (
+        ("nosuch", "camera 'nosuch' is unknown, expected one of near, far, auto"),
+        ("follow:9", r"camera 'follow:9': no avatar 9, expected"),
+        ("near", "camera 'near': .*'nobody'"),
+        (f"{file}#near", "camera '.*#near': .*'nobody'"),
+        (f"{file}#no", "camera '.*#no' is unknown"),
+        ("far+side", "joins 'far', a camera of the scenario"),
+    ):
+        with pytest.raises(CrowdsimError, match=why):
+            GlbOutput(camera=camera).of_take(shown.cast.names.tolist(), cameras)
+    for camera in ("far", f"{file}#far"):
+        chosen = GlbOutput(camera=camera).of_take(shown.cast.names.tolist(), cameras)
+        assert isinstance(chosen, GlbOutput)
+        assert chosen.camera == cameras["far"]
 
 
 def test_files_of_avatars_have_no_camera() -> None:
