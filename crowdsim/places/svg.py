@@ -17,11 +17,14 @@ Matrix = tuple[float, float, float, float, float, float]
 
 _UNIT: Matrix = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
-_TOKEN = re.compile(r"[A-Za-z]|[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_PATH_ITEM = re.compile(r"[\s,]*([A-Za-z]|[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
+_FLAG = re.compile(r"[\s,]*([01])")
 _TRANSFORM = re.compile(r"[\s,]*(\w+)\s*\(([^()]*)\)")
 _ARGUMENTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
 _STEPS = 12
 """Straight pieces of a curve."""
+_ARC = math.radians(15.0)
+"""Straight pieces of an arc turn by no more than this [rad]."""
 _UNSEEN = {"defs", "symbol", "clipPath", "mask", "pattern", "marker", "metadata", "style", "title", "desc"}
 _MOST_DEPTH = 100
 
@@ -40,8 +43,10 @@ def read_svg(path: Path, text: str) -> Sketch:
         raise PlanError(f"{path}: line {error.position[0]}: is no XML, expected an SVG file") from None
     if _tag(root) != "svg":
         raise PlanError(f"{path}: is <{_tag(root)}>, expected an SVG file")
+    _apply_classes(root)
     sketch = Sketch()
-    _draw(path, root, _UNIT, None, sketch, 0)
+    named = {f"#{one.get('id')}": one for one in root.iter() if one.get("id")}
+    _draw(path, root, _UNIT, None, sketch, named, 0)
     if not sketch.points():
         tags = sorted({_tag(one) for one in root.iter()} - {"svg", "g"})
         what = f"{path}: is no floor plan: it holds {', '.join(tags[:8]) or 'nothing'}, "
@@ -53,10 +58,35 @@ def _tag(element: ElementTree.Element) -> str:
     return str(element.tag).rpartition("}")[2]
 
 
+def _apply_classes(root: ElementTree.Element) -> None:
+    """Add what style sheets of a file say of classes to the styles of its elements, whose own comes first."""
+    rules: dict[str, str] = {}
+    for sheet in root.iter():
+        if _tag(sheet) == "style":
+            for selectors, declared in re.findall(r"([^{}]*)\{([^{}]*)\}", "".join(sheet.itertext())):
+                for name in re.findall(r"\.([\w-]+)", selectors):
+                    rules[name] = f"{declared};{rules.get(name, '')}"
+    for one in root.iter():
+        if rules and one.get("class"):
+            one.set(
+                "style",
+                ";".join([one.get("style", ""), *(rules.get(name, "") for name in one.get("class", "").split())]),
+            )
+
+
 def _draw(
-    path: Path, element: ElementTree.Element, above: Matrix, fill: str | None, sketch: Sketch, depth: int
+    path: Path,
+    element: ElementTree.Element,
+    above: Matrix,
+    fill: str | None,
+    sketch: Sketch,
+    named: dict[str, ElementTree.Element],
+    depth: int,
 ) -> None:
-    """Add an element and those in it to a sketch; their transforms and ``fill`` are under those above."""
+    """Add an element and those in it to a sketch; their transforms and ``fill`` are under those above.
+
+    ``named`` holds the elements that a `use` may refer to.
+    """
     if depth > _MOST_DEPTH:
         raise PlanError(f"{path}: elements are more than {_MOST_DEPTH} deep, expected fewer")
     tag = _tag(element)
@@ -68,10 +98,13 @@ def _draw(
     matrix = _times(above, _transform(path, element.get("transform", "none")))
 
     def number(name: str) -> float:
-        found = _NUMBER.match(element.get(name, "0").strip())
-        if found is None:
-            raise PlanError(f"{path}: {name} of a {tag} is {element.get(name)!r}, expected a number")
-        return float(found[0])
+        text = element.get(name, "0").strip().removesuffix("px")
+        if not _NUMBER.fullmatch(text):
+            what = (
+                f"{path}: {name} of a {tag} is {shortened(repr(element.get(name)))}, expected a number without a unit"
+            )
+            raise PlanError(what + ": lengths are in units of the file, of which 'scale' says how many metres each is")
+        return float(text)
 
     def placed(points: Line) -> Line:
         a, b, c, d, e, f = matrix
@@ -102,8 +135,14 @@ def _draw(
         for points, closed in _lines_of(path, element.get("d", "")):
             if len(points) > 1:
                 sketch.walls.append((placed(points), closed and len(points) > 2, {}, where))
+    elif tag == "use":
+        name = element.get("href") or next((value for key, value in element.items() if key.endswith("}href")), "")
+        if name not in named:
+            raise PlanError(f"{where} refers to {shortened(repr(name))}, expected the id of an element of the file")
+        shift = _times(matrix, (1.0, 0.0, 0.0, 1.0, number("x"), number("y")))
+        _draw(path, named[name], shift, fill, sketch, named, depth + 1)
     for child in element:
-        _draw(path, child, matrix, fill, sketch, depth + 1)
+        _draw(path, child, matrix, fill, sketch, named, depth + 1)
 
 
 def _style(element: ElementTree.Element, name: str) -> str | None:
@@ -152,7 +191,7 @@ def _transform(path: Path, text: str) -> Matrix:
 
 def _lines_of(path: Path, text: str) -> Iterator[tuple[Line, bool]]:
     """Yield the lines of a path's data, curves in straight pieces, and whether each is closed."""
-    tokens = _TOKEN.findall(text)
+    tokens = _path_items(text)
     at, command, here, begun = 0, "", (0.0, 0.0), (0.0, 0.0)
     points: Line = []
     handle: tuple[float, float] | None = None
@@ -194,12 +233,58 @@ def _lines_of(path: Path, text: str) -> Iterator[tuple[Line, bool]]:
             points += [_on_curve(controls, step / _STEPS) for step in range(1, _STEPS + 1)]
             handle, here = controls[-2], controls[-1]
         else:
-            # Arcs are taken for their chords: walls are long, their fillets short.
-            here = (x + values[-2], y + values[-1])
+            end = (x + values[-2], y + values[-1])
+            if kind == "A":
+                points += _on_arc(here, end, values[0], values[1], math.radians(values[2]), *map(bool, values[3:5]))
+            here, handle = end, None
             points.append(here)
-            handle = None
     if points:
         yield points, False
+
+
+def _path_items(text: str) -> list[str]:
+    """Return the commands and numbers of a path's data; the two flags of an arc need nothing between them."""
+    found: list[str] = []
+    at, command, count = 0, "", 0
+    while True:
+        is_flag = command in ("A", "a") and count % 7 in (3, 4)
+        item = (is_flag and _FLAG.match(text, at)) or _PATH_ITEM.match(text, at)
+        if not item:
+            return found
+        found.append(item[1])
+        at, count = item.end(), count + 1
+        if item[1].isalpha():
+            command, count = item[1], 0
+
+
+def _on_arc(
+    here: tuple[float, float], end: tuple[float, float], rx: float, ry: float, turn: float, large: bool, sweep: bool
+) -> Line:
+    """Return points of an elliptic arc between its ends, whose axes are turned by some angle [rad].
+
+    Source: SVG 1.1, appendix F.6.5 and F.6.6, where the ellipse is scaled to a circle of radius 1.
+    """
+    rx, ry, cos, sin = abs(rx), abs(ry), math.cos(turn), math.sin(turn)
+    if rx == 0.0 or ry == 0.0 or here == end:
+        return []
+    half_x, half_y = (here[0] - end[0]) / 2, (here[1] - end[1]) / 2
+    ux, uy = (cos * half_x + sin * half_y) / rx, (cos * half_y - sin * half_x) / ry
+    length = math.hypot(ux, uy)
+    if length > 1.0:  # radii that are too small grow
+        rx, ry, ux, uy, length = rx * length, ry * length, ux / length, uy / length, 1.0
+    off = math.sqrt(1.0 - length * length) / length * (1.0 if large != sweep else -1.0)
+    cx, cy = off * uy, -off * ux
+    first = math.atan2(uy - cy, ux - cx)
+    angle = (math.atan2(-uy - cy, -ux - cx) - first) % (2.0 * math.pi)
+    angle -= 0.0 if sweep else 2.0 * math.pi
+    pieces = math.ceil(abs(angle) / _ARC)
+    middle_x, middle_y = (here[0] + end[0]) / 2, (here[1] + end[1]) / 2
+    points = []
+    for piece in range(1, pieces):
+        x = rx * (cx + math.cos(first + piece / pieces * angle))
+        y = ry * (cy + math.sin(first + piece / pieces * angle))
+        points.append((middle_x + cos * x - sin * y, middle_y + sin * x + cos * y))
+    return points
 
 
 def _on_curve(controls: Line, share: float) -> tuple[float, float]:

@@ -1,6 +1,7 @@
 """Floor plans from GeoJSON and SVG become walls, boxes and discs; what is none is refused with its position."""
 
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -155,6 +156,8 @@ def test_shapes_of_svg_become_obstacles_with_their_transforms(tmp_path):
         ('<!DOCTYPE svg [<!ENTITY a "b">]><svg/>', "defines entities, expected a plain SVG file"),
         (svg('<path d="M 0 0 X 3"/>'), "a path has the command 'X', expected one of M, L, H, V, C, S, Q, T, A, Z"),
         (svg('<path d="M 0 0 L 3"/>'), "a path's command 'L' has too few numbers, expected 2"),
+        (svg('<rect x="1" width="20cm" height="4"/>'), "width of a rect is '20cm', expected a number without a unit: "
+         "lengths are in units of the file, of which 'scale' says how many metres each is"),
         (svg('<g transform="spin(3)"><line x2="9"/></g>'), "transform spin(3), expected one of SVG's"),
         (svg('<g transform="scale(2) turn"><line x2="9"/></g>'), "transform turn, expected one of SVG's, such as "
          "scale(2)"),
@@ -168,12 +171,46 @@ def test_svg_that_is_no_floor_plan_is_refused(tmp_path, content, message):
     assert refused(tmp_path, content, "plan.svg") == message
 
 
+def test_arcs_of_paths_are_round_whatever_stands_between_their_flags(tmp_path):
+    for data in ("M 10 0 A 10 10 0 1 1 0 -10", "M10 0a10 10 0 11-10-10", "M10,0 a10,10,0,1,1,-10,-10"):
+        (wall,) = read(tmp_path, svg(f'<path d="{data}"/>'), "plan.svg")
+        assert wall.points[0] == (10, 0)
+        assert wall.points[-1] == pytest.approx((0, -10))
+        # Three quarters of a circle around the origin, over the side of +y.
+        assert [math.hypot(*point) for point in wall.points] == pytest.approx([10.0] * len(wall.points))
+        assert len(wall.points) == 19
+        assert max(z for _, z in wall.points) == pytest.approx(10.0)
+    (ellipse,) = read(tmp_path, svg('<path d="M 0 0 A 2 1 90 0 0 2 0"/>'), "plan.svg")
+    assert max(z for _, z in ellipse.points) == pytest.approx(2.0, abs=0.02)
+
+
+def test_clones_are_drawn_where_they_are_used(tmp_path):
+    inner = (
+        '<defs><rect id="pillar" x="0" y="0" width="1" height="1"/></defs>'
+        '<use href="#pillar" x="4" y="2"/>'
+        '<g id="hall"><use xlink:href="#pillar" transform="translate(7) scale(2)"/></g>'
+    )
+    found = read(tmp_path, svg(inner).replace("<svg", '<svg xmlns:xlink="http://www.w3.org/1999/xlink"'), "plan.svg")
+    assert [(box.centre, box.size) for box in found] == [((4.5, 2.5), (1, 1)), ((8, 1), (2, 2))]
+    message = "<use> refers to '#door', expected the id of an element of the file"
+    assert refused(tmp_path, svg('<use href="#door"/>'), "plan.svg") == message
+    message = "elements are more than 100 deep, expected fewer"
+    assert refused(tmp_path, svg('<g id="a"><use href="#a"/></g>'), "plan.svg") == message
+
+
 def test_a_fill_of_none_holds_for_what_is_in_a_group(tmp_path):
     rect = '<rect width="3" height="2"'
     inner = f'<g>{rect} style="fill: inherit"/>{rect} fill="red"/></g>'
     inner = f'<g fill="none" transform="none">{rect}/>{inner}</g>{rect}/>'
     kinds = [one.kind for one in read(tmp_path, svg(inner), "plan.svg")]
     assert kinds == ["wall", "wall", "box", "box"]
+
+
+def test_a_fill_of_none_may_be_that_of_a_class(tmp_path):
+    inner = "<style>.st0, .st1{fill:none;stroke:#000;} .st1{display:none}</style>"
+    inner += '<rect class="st0" width="3" height="2"/><rect class="st1" width="9" height="9"/>'
+    inner += '<rect class="st0" style="fill:#888" width="3" height="2"/>'
+    assert [type(one) for one in read(tmp_path, svg(inner), "plan.svg")] == [WallObstacle, BoxObstacle]
 
 
 def test_holes_of_an_outline_are_walls_around_open_ground(tmp_path):
