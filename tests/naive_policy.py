@@ -3,10 +3,10 @@
 import itertools
 import math
 
+import naive_ground as ground
 import numpy as np
 
 from crowdsim.core.bodies import BEYOND
-from crowdsim.motion import ground
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.axes.axis import UNSEEN_STRIKE
 from crowdsim.policy.axes.velocity import KEPT, LASTS
@@ -74,16 +74,13 @@ def complete(target):
 
 def measure(name, target, moving=(0.0, 0.0, 0.0)):
     """What an axis measures of targets (..., 3 to 5) that move by ``moving`` (..., 3) in a control frame."""
-    x, y, z, heading, impact = np.moveaxis(complete(target), -1, 0)
-    vx, _, vz = np.moveaxis(np.asarray(moving, dtype=float), -1, 0)
-    return {
-        "distance": np.hypot(x, z),
-        "bearing": np.arctan2(x, z),
-        "height": y,
-        "heading": heading,
-        "velocity": vx * np.sin(np.arctan2(x, z)) + vz * np.cos(np.arctan2(x, z)),
-        "impact": impact,
-    }[name]
+    if name in ("heading", "impact"):
+        return complete(target)[..., 3 if name == "heading" else 4]
+    x, y, z = (np.asarray(target, dtype=float)[..., k] for k in range(3))
+    if name == "velocity":
+        vx, vz = (np.asarray(moving, dtype=float)[..., k] for k in (0, 2))
+        return vx * np.sin(np.arctan2(x, z)) + vz * np.cos(np.arctan2(x, z))
+    return {"distance": np.hypot, "bearing": np.arctan2, "height": lambda *_: y}[name](x, z)
 
 
 def measured_after(name, before, later, moving, displacement, length):
