@@ -26,7 +26,7 @@ def surface_distance(point, head, neck, pelvis, head_radius, torso_radius, steps
     """Signed distance of a point from a ball and a capsule together: the least of those from the balls they are of."""
     along = np.linspace(0.0, 1.0, steps + 1)[:, None]
     middles = (1.0 - along) * np.asarray(neck, float) + along * np.asarray(pelvis, float)
-    to_torso = min(np.linalg.norm(middles - point, axis=1)) - torso_radius
+    to_torso = np.linalg.norm(middles - point, axis=1).min() - torso_radius
     return min(math.dist(point, head) - head_radius, float(to_torso))
 
 
