@@ -6,6 +6,7 @@ from itertools import product
 from types import SimpleNamespace
 
 import naive_defence
+import naive_ground as ground
 import numpy as np
 from naive_legs import crosses_legs
 from naive_opponents import nearest, neighbours
@@ -41,7 +42,7 @@ from crowdsim.crowd.model_tables import BRAKING
 from crowdsim.crowd.random import Purpose, uniform
 from crowdsim.crowd.script import target_positions
 from crowdsim.crowd.stances import stance_actions
-from crowdsim.motion import ground
+from crowdsim.motion.ground import wrap
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.strikers import LEGS
 from crowdsim.policy.axes.axis import UNSEEN_STRIKE
@@ -269,7 +270,7 @@ def run(crowd, policies, frames):
         strikes += now
         for one in avatars:
             stands = one.stands()
-            row = (one.action, min(one.phase, one.length), stands[0], stands[1], ground.wrap(stands[2]), one.opponent)
+            row = (one.action, min(one.phase, one.length), stands[0], stands[1], wrap(stands[2]), one.opponent)
             for name, value in zip(record, row, strict=True):
                 record[name][frame, one.number] = value
     return SimpleNamespace(**record, strikes=sorted(strikes))

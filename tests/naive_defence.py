@@ -2,13 +2,13 @@
 
 import math
 
+import naive_ground as ground
 import numpy as np
 from naive_strikes import gap_to, trunk
 
 from crowdsim.core.threats import DISTANCES
 from crowdsim.crowd.kernels.terms.defence import HIT, MARGIN, NEAR
 from crowdsim.crowd.model import TOLERANCE
-from crowdsim.motion import ground
 
 
 def costs(one, opponent, avatars, near, crowd):

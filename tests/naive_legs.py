@@ -3,6 +3,7 @@
 from functools import lru_cache
 
 import numpy as np
+from naive_ground import compose
 from naive_separation import distance
 
 from crowdsim.crowd.kernels.vetoes.crossed_legs import APART, WITHIN
@@ -29,7 +30,7 @@ def legs(one, action):
 
 def crosses_legs(one, action, mine, near):
     """Whether an action ends with a leg in one of a neighbour that has ended its own action."""
-    end = ground.compose(mine, one.policy.actions.displacements[action] * [one.scale, one.scale, 1.0])
+    end = compose(mine, one.policy.actions.displacements[action] * [one.scale, one.scale, 1.0])
     own = ground.to_world(end, legs(one, action))
     for other in near:
         its = other.end()

@@ -3,10 +3,10 @@
 import itertools
 import math
 
+import naive_ground as ground
 import numpy as np
 
 from crowdsim.core.bodies import BEYOND
-from crowdsim.motion import ground
 from crowdsim.policy.actions import Actions
 from crowdsim.policy.axes.axis import UNSEEN_STRIKE
 from crowdsim.policy.axes.velocity import KEPT, LASTS
@@ -26,7 +26,7 @@ def surface_distance(point, head, neck, pelvis, head_radius, torso_radius, steps
     """Signed distance of a point from a ball and a capsule together: the least of those from the balls they are of."""
     along = np.linspace(0.0, 1.0, steps + 1)[:, None]
     middles = (1.0 - along) * np.asarray(neck, float) + along * np.asarray(pelvis, float)
-    to_torso = min(np.linalg.norm(middles - point, axis=1)) - torso_radius
+    to_torso = np.linalg.norm(middles - point, axis=1).min() - torso_radius
     return min(math.dist(point, head) - head_radius, float(to_torso))
 
 
@@ -74,16 +74,13 @@ def complete(target):
 
 def measure(name, target, moving=(0.0, 0.0, 0.0)):
     """What an axis measures of targets (..., 3 to 5) that move by ``moving`` (..., 3) in a control frame."""
-    x, y, z, heading, impact = np.moveaxis(complete(target), -1, 0)
-    vx, _, vz = np.moveaxis(np.asarray(moving, dtype=float), -1, 0)
-    return {
-        "distance": np.hypot(x, z),
-        "bearing": np.arctan2(x, z),
-        "height": y,
-        "heading": heading,
-        "velocity": vx * np.sin(np.arctan2(x, z)) + vz * np.cos(np.arctan2(x, z)),
-        "impact": impact,
-    }[name]
+    if name in ("heading", "impact"):
+        return complete(target)[..., 3 if name == "heading" else 4]
+    x, y, z = (np.asarray(target, dtype=float)[..., k] for k in range(3))
+    if name == "velocity":
+        vx, vz = (np.asarray(moving, dtype=float)[..., k] for k in (0, 2))
+        return vx * np.sin(np.arctan2(x, z)) + vz * np.cos(np.arctan2(x, z))
+    return {"distance": np.hypot, "bearing": np.arctan2, "height": lambda *_: y}[name](x, z)
 
 
 def measured_after(name, before, later, moving, displacement, length):

@@ -35,15 +35,15 @@ def distance(p, q, r, s):
 
 
 def _way(p, q):
-    return [b - a for a, b in zip(p, q, strict=True)]
+    return q[0] - p[0], q[1] - p[1], q[2] - p[2]
 
 
 def _along(p, way, share):
-    return [a + share * step for a, step in zip(p, way, strict=True)]
+    return p[0] + share * way[0], p[1] + share * way[1], p[2] + share * way[2]
 
 
 def _dot(one, other):
-    return sum(a * b for a, b in zip(one, other, strict=True))
+    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
 
 
 def nearest(p, q, r, s):

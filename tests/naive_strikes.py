@@ -3,13 +3,14 @@
 import itertools
 import math
 
+import naive_ground as ground
 import numpy as np
 from naive_policy import comes_through
 
 from crowdsim.crowd.kernels.guards import STEPS
 from crowdsim.crowd.kernels.layout import BLOCKED, EVADED, LANDED, MISSED
 from crowdsim.crowd.model import TOLERANCE
-from crowdsim.motion import ground, quaternion
+from crowdsim.motion import quaternion
 from crowdsim.motion.body import PARTS
 from crowdsim.motion.strikes import LIMBS
 

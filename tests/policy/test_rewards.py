@@ -1,6 +1,7 @@
 """Rewards: the compiled ones against the plain ones, and what they mean."""
 
 import math
+from functools import lru_cache
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -97,7 +98,7 @@ def test_compiled_rewards_are_those_of_the_plain_version(term, velocity):
     ids=["all", "spent", "facing", "narrow"],
 )
 def test_a_model_earns_in_each_cell_what_the_plain_version_says(terms):
-    actions = random_actions(states=6)
+    actions = random_actions(states=3)
     axes = [Axis("distance", 0.1, 1.5, 6), Axis("bearing", -math.pi, math.pi, 7, True), Axis("height", 1.2, 1.8, 3)]
     grid, movement = build_grid(axes), build_movement(0.6, 3, 0.4)
     earned = build_model(actions, grid, tuple(terms), BODY, 0.97, movement).rewards(0, actions.action_count)
@@ -171,19 +172,25 @@ def test_the_distance_from_a_surface_is_signed_and_that_of_head_and_torso_togeth
     assert surface_distance((0.0, 1.5 - 0.16 + 0.15, 1.0), head, BODY) == pytest.approx(0.01 - 0.11)
 
 
+@lru_cache
+def points_near_a_body(scale):
+    """Points around a body of a size, their distances from it by the naive twin, and its head, joints and radii."""
+    points = np.random.default_rng(7).uniform([-0.4, 0.6, -0.4], [0.4, 1.9, 0.4], (800, 3))
+    points = points.astype(np.float32).astype(float)
+    head = np.array([0.01, 1.5, -0.02])
+    neck, pelvis, *radii = BODY.under(head, scale)
+    return points, [naive_distance(point, head, neck, pelvis, *radii) for point in points], head, neck, pelvis, radii
+
+
 @pytest.mark.parametrize("tolerance", [0.02, 0.1, 0.3])
 @pytest.mark.parametrize("scale", [1.0, 1.3])
 def test_compiled_control_and_training_land_as_the_naive_twin_does(tolerance, scale):
-    draw = np.random.default_rng(7)
     body = TargetBody(**{name: size * scale for name, size in BODY})
     term = pack_terms([StrikeTerm(kind="strike", tolerance=tolerance)], body)
-    count, landed = 800, 0
-    points = draw.uniform([-0.4, 0.6, -0.4], [0.4, 1.9, 0.4], (count, 3)).astype(np.float32).astype(float)
-    head = np.array([0.01, 1.5, -0.02])
-    neck, pelvis, *radii = BODY.under(head, scale)
+    points, distances, head, neck, pelvis, radii = points_near_a_body(scale)
+    landed = 0
     by_actions = lands_in_control(points, head, term)
-    for point, added in zip(points, by_actions, strict=True):
-        distance = naive_distance(point, head, neck, pelvis, *radii)
+    for point, distance, added in zip(points, distances, by_actions, strict=True):
         if abs(abs(distance) - tolerance) < 1e-6:
             continue
         lands = abs(distance) <= tolerance
@@ -194,7 +201,7 @@ def test_compiled_control_and_training_land_as_the_naive_twin_does(tolerance, sc
         posed = PosedBody(tuple(head), tuple(neck), tuple(pelvis), *map(float, radii))
         assert lands_on_posed_body(tuple(point), posed, tolerance) == lands
         assert added == lands
-    assert 20 < landed < count - 20
+    assert 20 < landed < len(points) - 20
 
 
 class Rewarded(NamedTuple):
