@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
@@ -26,7 +27,25 @@ _STEPS = 12
 _ARC = math.radians(15.0)
 """Straight pieces of an arc turn by no more than this [rad]."""
 _UNSEEN = {"defs", "symbol", "clipPath", "mask", "pattern", "marker", "metadata", "style", "title", "desc"}
-_MOST_DEPTH = 100
+_MOST_DEPTH, _MOST_DRAWN = 100, 100_000
+"""How deep elements are at the most, and how many are drawn, each clone anew."""
+
+
+@dataclass
+class _Drawing:
+    """What is drawn of a file.
+
+    Attributes:
+        path: The file.
+        named: Its elements that a `use` may refer to.
+        sketch: What they draw.
+        drawn: How many elements have been drawn.
+    """
+
+    path: Path
+    named: dict[str, ElementTree.Element]
+    sketch: Sketch = field(default_factory=Sketch)
+    drawn: int = 0
 
 
 def read_svg(path: Path, text: str) -> Sketch:
@@ -44,14 +63,13 @@ def read_svg(path: Path, text: str) -> Sketch:
     if _tag(root) != "svg":
         raise PlanError(f"{path}: is <{_tag(root)}>, expected an SVG file")
     _apply_classes(root)
-    sketch = Sketch()
-    named = {f"#{one.get('id')}": one for one in root.iter() if one.get("id")}
-    _draw(path, root, _UNIT, None, sketch, named, 0)
-    if not sketch.points():
+    drawing = _Drawing(path, {f"#{one.get('id')}": one for one in root.iter() if one.get("id")})
+    _draw(drawing, root, _UNIT, None, 0)
+    if not drawing.sketch.points():
         tags = sorted({_tag(one) for one in root.iter()} - {"svg", "g"})
         what = f"{path}: is no floor plan: it holds {', '.join(tags[:8]) or 'nothing'}, "
         raise PlanError(what + "expected line, polyline, polygon, rect, circle or path")
-    return sketch
+    return drawing.sketch
 
 
 def _tag(element: ElementTree.Element) -> str:
@@ -60,35 +78,28 @@ def _tag(element: ElementTree.Element) -> str:
 
 def _apply_classes(root: ElementTree.Element) -> None:
     """Add what style sheets of a file say of classes to the styles of its elements, whose own comes first."""
-    rules: dict[str, str] = {}
+    rules: dict[str, dict[str, str]] = {}
     for sheet in root.iter():
         if _tag(sheet) == "style":
-            for selectors, declared in re.findall(r"([^{}]*)\{([^{}]*)\}", "".join(sheet.itertext())):
+            for rule in "".join(sheet.itertext()).split("}"):
+                selectors, _, declared = rule.partition("{")
+                said = {name: value for name in ("fill", "display") if (value := _declared(declared, name)) is not None}
                 for name in re.findall(r"\.([\w-]+)", selectors):
-                    rules[name] = f"{declared};{rules.get(name, '')}"
+                    rules.setdefault(name, {}).update(said)
     for one in root.iter():
-        if rules and one.get("class"):
-            one.set(
-                "style",
-                ";".join([one.get("style", ""), *(rules.get(name, "") for name in one.get("class", "").split())]),
-            )
+        said = {key: value for name in one.get("class", "").split() for key, value in rules.get(name, {}).items()}
+        if said:
+            one.set("style", ";".join([one.get("style", ""), *(f"{key}:{value}" for key, value in said.items())]))
 
 
-def _draw(
-    path: Path,
-    element: ElementTree.Element,
-    above: Matrix,
-    fill: str | None,
-    sketch: Sketch,
-    named: dict[str, ElementTree.Element],
-    depth: int,
-) -> None:
-    """Add an element and those in it to a sketch; their transforms and ``fill`` are under those above.
-
-    ``named`` holds the elements that a `use` may refer to.
-    """
+def _draw(drawing: _Drawing, element: ElementTree.Element, above: Matrix, fill: str | None, depth: int) -> None:
+    """Add an element and those in it to a drawing; their transforms and ``fill`` are under those above."""
+    path, sketch = drawing.path, drawing.sketch
+    drawing.drawn += 1
     if depth > _MOST_DEPTH:
         raise PlanError(f"{path}: elements are more than {_MOST_DEPTH} deep, expected fewer")
+    if drawing.drawn > _MOST_DRAWN:
+        raise PlanError(f"{path}: draws more than {_MOST_DRAWN:,} elements, clones included, expected fewer")
     tag = _tag(element)
     if tag in _UNSEEN or _style(element, "display") == "none":
         return
@@ -137,18 +148,24 @@ def _draw(
                 sketch.walls.append((placed(points), closed and len(points) > 2, {}, where))
     elif tag == "use":
         name = element.get("href") or next((value for key, value in element.items() if key.endswith("}href")), "")
-        if name not in named:
+        if name not in drawing.named:
             raise PlanError(f"{where} refers to {shortened(repr(name))}, expected the id of an element of the file")
         shift = _times(matrix, (1.0, 0.0, 0.0, 1.0, number("x"), number("y")))
-        _draw(path, named[name], shift, fill, sketch, named, depth + 1)
+        _draw(drawing, drawing.named[name], shift, fill, depth + 1)
     for child in element:
-        _draw(path, child, matrix, fill, sketch, named, depth + 1)
+        _draw(drawing, child, matrix, fill, depth + 1)
 
 
 def _style(element: ElementTree.Element, name: str) -> str | None:
     """Return a property of an element, be it an attribute or in its style."""
-    found = re.search(rf"(?:^|;)\s*{name}\s*:\s*([^;]+)", element.get("style", ""))
-    return found[1].strip() if found else element.get(name)
+    declared = _declared(element.get("style", ""), name)
+    return element.get(name) if declared is None else declared
+
+
+def _declared(style: str, name: str) -> str | None:
+    """Return what a style says of a property."""
+    found = re.search(rf"(?:^|;)\s*{name}\s*:\s*([^;]+)", style)
+    return found[1].strip() if found else None
 
 
 def _times(one: Matrix, other: Matrix) -> Matrix:

@@ -224,3 +224,9 @@ def test_holes_of_an_outline_are_walls_around_open_ground(tmp_path):
 def test_file_names_have_slashes():
     with pytest.raises(ValueError, match="expected / between folders"):
         PlanObstacle(file="sub\\p.geojson")
+
+
+def test_clones_of_clones_are_counted_before_they_are_drawn(tmp_path):
+    groups = "".join(f'<g id="g{k}"><use href="#g{k + 1}"/><use href="#g{k + 1}"/></g>' for k in range(40))
+    drawing = svg(f'<defs>{groups}<g id="g40"/></defs><use href="#g0"/>')
+    assert "draws more than 100,000 elements, clones included, expected fewer" in refused(tmp_path, drawing, "plan.svg")
