@@ -11,7 +11,7 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.places.description import BoxObstacle, DiscObstacle, RopesObstacle, Shape, WallObstacle
-from crowdsim.places.kernels.distance import CLEAR, FINER, REACH, clear_ways, gaps_at, list_parts, refine_clear
+from crowdsim.places.kernels.distance import CLEAR, REACH, clear_ways, gaps_at, list_parts
 from crowdsim.places.kernels.records import BOX, DISC, DOOR, PART, ROPES, WALL
 from crowdsim.places.kernels.routes import CORNERS, link_corners, list_seen
 
@@ -44,8 +44,7 @@ class Places(NamedTuple):
         offsets: CSR: the parts of cell i are ``listed[offsets[i]:offsets[i + 1]]``. Shape (cells + 1,), int32.
         listed: The parts, int32, the nearest first.
         gaps: How far each of these is from any point of its cell at least [m], float64.
-        clear_grid: Finer cells over the same ground.
-        clear: How far from any point of each of these the nearest part is at least, open doors included [m], float32.
+        clear: How far from any point of each cell the nearest part is at least, open doors included [m]. (cells,).
         phases: Control frames from which on each set of doors is open, the first from ever on. Shape (P,).
         corners: Corners, x and z [m]. Shape (V, 2).
         apart: Length of the shortest way between each two corners [m], infinite where there is none. Shape (P, V, V).
@@ -58,7 +57,6 @@ class Places(NamedTuple):
     offsets: Array
     listed: Array
     gaps: Array
-    clear_grid: Grid
     clear: Array
     phases: Array
     corners: Array
@@ -88,7 +86,7 @@ def pack_parts(shapes: Sequence[tuple[int, Shape]], rate: float | None) -> Array
         length = math.hypot(to_x - x, to_z - z)
         ux, uz = ((to_x - x) / length, (to_z - z) / length) if length > 0.0 else (1.0, 0.0)
         middle = (x + to_x) / 2, (z + to_z) / 2
-        found.append((*middle, ux, uz, length / 2, 0.0, radius, height, *times, kind, number))
+        found.append((*middle, ux, uz, length / 2, 0.0, radius, length / 2 + radius, height, *times, kind, number))
 
     for number, shape in shapes:
         if isinstance(shape, WallObstacle):
@@ -99,7 +97,7 @@ def pack_parts(shapes: Sequence[tuple[int, Shape]], rate: float | None) -> Array
             # Rotations are about +y, from +z towards +x.
             along = math.cos(turn), -math.sin(turn)
             half = shape.size[0] / 2, shape.size[1] / 2
-            found.append((*shape.centre, *along, *half, 0.0, shape.height, *always, BOX, number))
+            found.append((*shape.centre, *along, *half, 0.0, math.hypot(*half), shape.height, *always, BOX, number))
         elif isinstance(shape, DiscObstacle):
             add((*shape.centre, *shape.centre), shape.radius, shape.height, DISC, number)
         elif isinstance(shape, RopesObstacle):
@@ -153,8 +151,8 @@ def build_places(parts: Array, with_ways: bool = True) -> Places:
     if not len(parts):
         none, nowhere = np.zeros(0, np.int32), Grid(0.0, 0.0, 1.0, 0.0, 0.0)
         return Places(
-            np.zeros(0, PART), nowhere, np.zeros(1, np.int32), none, np.zeros(0), nowhere, np.zeros(0, np.float32),
-            np.zeros(1), np.zeros((0, 2)), np.zeros((1, 0, 0)), nowhere, np.zeros((1, 0, CORNERS), np.int32),
+            np.zeros(0, PART), nowhere, np.zeros(1, np.int32), none, np.zeros(0), np.zeros(0), np.zeros(1),
+            np.zeros((0, 2)), np.zeros((1, 0, 0)), nowhere, np.zeros((1, 0, CORNERS), np.int32),
         )  # fmt: skip
     grid = _grid_over(parts, REACH, _CELL, _MOST_CELLS)
     offsets, clear = np.zeros(int(grid.columns * grid.rows) + 1, np.int32), np.empty(int(grid.columns * grid.rows))
@@ -166,13 +164,10 @@ def build_places(parts: Array, with_ways: bool = True) -> Places:
     phases = np.append(-np.inf, np.unique(times[np.isfinite(times)]))
     ways_grid = _grid_over(parts, _MARGIN, _WAYS_CELL, _MOST_WAYS_CELLS if with_ways else 1)
     cells = int(ways_grid.columns * ways_grid.rows)
-    fine = Grid(grid.x, grid.z, grid.size / FINER, grid.columns * FINER, grid.rows * FINER)
     places = Places(
-        parts, grid, offsets, listed[order], gaps[order], fine, np.empty(len(clear) * FINER**2, np.float32), phases,
-        np.zeros((0, 2)), np.zeros((len(phases), 0, 0)), ways_grid,
-        np.full((len(phases), cells, CORNERS), -1, np.int32),
+        parts, grid, offsets, listed[order], gaps[order], clear, phases, np.zeros((0, 2)),
+        np.zeros((len(phases), 0, 0)), ways_grid, np.full((len(phases), cells, CORNERS), -1, np.int32),
     )  # fmt: skip
-    refine_clear(places, clear, places.clear)
     if not with_ways:
         return places
     corners = _find_corners(places._replace(parts=_opened(parts)))

@@ -11,16 +11,7 @@ from naive_places import way_gap as naive_way_gap
 
 from crowdsim.places.arrays import are_ways_clear, as_at_first, build_places, gaps_of, pack_parts
 from crowdsim.places.description import BoxObstacle, DiscObstacle, Door, RopesObstacle, WallObstacle
-from crowdsim.places.kernels.distance import (
-    ANY_HEIGHT,
-    CLEAR,
-    REACH,
-    clear_at,
-    is_way_free,
-    is_way_near,
-    part_gap,
-    way_gap,
-)
+from crowdsim.places.kernels.distance import ANY_HEIGHT, CLEAR, REACH, is_way_free, part_gap, way_gap
 from crowdsim.places.kernels.records import DOOR, PART, WALL
 
 SHAPES = [
@@ -115,17 +106,3 @@ def test_without_obstacles_every_way_is_free():
     none = build_places(np.zeros(0, PART))
     assert is_way_free(none, 0.0, 0.0, 0.0, 50.0, 50.0, 0.3, ANY_HEIGHT)
     assert gaps_of(none, points(5), 0.0).tolist() == [REACH] * 5
-
-
-def test_points_are_no_nearer_to_obstacles_than_cells_say_and_hardly_farther():
-    for x, z in points(2000, 8, 9.0):
-        least, said = min(gap_to(part, x, z) for part in PARTS), clear_at(PLACES, x, z)
-        assert said < least
-        assert least >= REACH or said > least - 2.0 * PLACES.clear_grid.size
-
-
-@pytest.mark.parametrize("room", [0.0, 0.25, 0.42, 2.0])
-def test_a_way_is_near_a_part_where_its_distance_is_less(room):
-    for start, end in zip(points(400, 9), points(400, 10), strict=True):
-        for part in PARTS:
-            assert is_way_near(part, *start, *end, room) == (way_gap(part, *start, *end) < room)

@@ -7,7 +7,7 @@ from crowdsim.crowd.kernels.interpolation import ground_at
 from crowdsim.crowd.kernels.layout import LIMB_ROOM, PELVIS, TRUNK_ROOM
 from crowdsim.crowd.kernels.prefetch import prefetch
 from crowdsim.jit import kernel
-from crowdsim.places.kernels.distance import cell_at, clear_at, is_way_near, part_gap, stands
+from crowdsim.places.kernels.distance import cell_at, part_gap, stands, way_gap
 
 CLEARANCE = 0.3  # how far the ground transform of a body keeps from obstacles, for a scale of 1 [m]
 PASSES = 3  # how often all obstacles near are gone through
@@ -25,7 +25,8 @@ def confine(model, avatars, world, frame, i):
     What its action is going to lack is made up in equal steps until then.
     """
     places, size = world.places, avatars.playback[i].scale
-    if clear_at(places, avatars.x[i], avatars.z[i]) < NEAR * size:
+    cell = cell_at(places.grid, avatars.x[i], avatars.z[i])
+    if cell >= 0 and places.clear[cell] < NEAR * size:
         _confine(model, avatars, places, frame, i)
 
 
@@ -85,14 +86,15 @@ def _find_push(model, avatars, places, frame, i, ahead):
         base_x, base_z, cos, sin = base_at(model, avatars, i)
         x, z = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
         heading = playback[i].base_turn + turned
-        # Only avatars that may fall have a slide.
-        if avatars.conditions.shape[0] > 0 and (slides[i].x != 0.0 or slides[i].z != 0.0):
+        if avatars.conditions.shape[0] > 0:  # only avatars that may fall have a slide
             left = minimum_jerk(done / length) - minimum_jerk(min(motion[i].phase, length) / length)
             x, z = x + left * slides[i].x, z + left * slides[i].z
-    far = max(model.extents[int(shown)], CLEARANCE) * size
-    if clear_at(places, x, z) < far:
-        spare, cell = LATE * max(1.0 - done / BLENDS, 0.0), cell_at(places.grid, x, z)
-        push = _push_out(model.outlines[int(shown)], places, frame + ahead, cell, x, z, heading, size, far, spare)
+    cell = cell_at(places.grid, x, z)
+    if cell >= 0:
+        far = max(model.extents[int(shown)], CLEARANCE) * size
+        if places.clear[cell] < far:
+            spare = LATE * max(1.0 - done / BLENDS, 0.0)
+            push = _push_out(model.outlines[int(shown)], places, frame + ahead, cell, x, z, heading, size, far, spare)
     return push
 
 
@@ -102,6 +104,8 @@ def _push_out(outline, places, frame, cell, from_x, from_z, heading, size, far, 
 
     Its fists may be in obstacles by what is ``spare``.
     """
+    cos, sin = cos_sin(heading)
+    cos, sin = cos * size, sin * size
     moved_x, moved_z = 0.0, 0.0
     for attempt in range(PASSES + ROOT_PASSES):
         still = True
@@ -114,8 +118,6 @@ def _push_out(outline, places, frame, cell, from_x, from_z, heading, size, far, 
             if gap >= far or not stands(part, frame):
                 continue
             push = CLEARANCE * size - gap
-            cos, sin = cos_sin(heading)
-            cos, sin = cos * size, sin * size
             for p in range(outline.shape[0] if attempt < PASSES else 0):
                 point = outline[p]
                 dx, dz = point[0] * cos + point[2] * sin, point[2] * cos - point[0] * sin
@@ -151,7 +153,7 @@ def _depth(part, x, z, gap, nx, nz, dx, y, dz, room):
     depth = room - gap - dx * nx - dz * nz
     if depth <= 0.0 or y > part.height:
         return 0.0
-    return depth if gap < room or is_way_near(part, x, z, x + dx, z + dz, room) else 0.0
+    return depth if way_gap(part, x, z, x + dx, z + dz) < room else 0.0
 
 
 @kernel(allocates=False)

@@ -18,7 +18,7 @@ from crowdsim.crowd.kernels.lying import (
 )
 from crowdsim.crowd.kernels.sole_contact import sole_gap
 from crowdsim.jit import kernel
-from crowdsim.places.kernels.distance import cell_at, is_way_near, part_gap, stands
+from crowdsim.places.kernels.distance import cell_at, part_gap, stands, way_gap
 
 PARTS = 4096.0  # parts of a square metre
 SIDE_BY_SIDE = 1.0  # how far apart the axes of bodies should be that lie [m]
@@ -143,7 +143,7 @@ def hemmed_in(model, avatars, world, frame, own, row, dx, dz):
             gap, nx, nz = part_gap(part, x, z)
             for px, pz in ((axis.x, axis.z), (axis.to_x, axis.to_z), (x + dx, z + dz)):
                 depth = WALLS * size - gap - (px - x) * nx - (pz - z) * nz
-                if depth > 0.0 and is_way_near(part, x, z, px, pz, WALLS * size):
+                if depth > 0.0 and way_gap(part, x, z, px, pz) < WALLS * size:
                     lacks += _squared(FIRMLY, depth)
     return lacks / PARTS
 

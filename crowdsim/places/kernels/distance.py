@@ -2,13 +2,10 @@
 
 import math
 
-import numpy as np
-
 from crowdsim.jit import kernel
 
 REACH = 2.0  # how far from a cell of the grid the parts are that it lists [m]
 CLEAR = 0.3  # how far from obstacles avatars of size 1 are to be placed [m]
-FINER = 4  # cells of the grid of clearances along a side of one of the grid that lists parts
 STRETCH = 1.5  # length at most of stretches of ways, each of which is compared with the parts that a cell lists [m]
 ANY_HEIGHT = -1.0  # instead of a height, where every part counts
 
@@ -46,40 +43,6 @@ def part_gap(part, x, z):
         else:
             a, b = 0.0, math.copysign(1.0, across)
     return gap, a * part.ux - b * part.uz, a * part.uz + b * part.ux
-
-
-@kernel(inline=True)
-def clear_at(places, x, z):
-    """Return how far a point is from the nearest part of an obstacle at least, be it an open door [m]."""
-    cell = cell_at(places.clear_grid, x, z)
-    return np.float64(places.clear[cell]) if cell >= 0 else math.inf
-
-
-@kernel(inline=True)
-def _may_come_near(part, x, z, to_x, to_z, room):
-    """Return whether a straight way may come nearer to a part than some room [m]: whether no axis parts them."""
-    dx, dz = x - part.x, z - part.z
-    a, b = dx * part.ux + dz * part.uz, dz * part.ux - dx * part.uz
-    dx, dz = to_x - x, to_z - z
-    along, across = dx * part.ux + dz * part.uz, dz * part.ux - dx * part.uz
-    half_a, half_b, far = part.half_along, part.half_across, part.radius + room + 1e-9
-    if min(a, a + along) > half_a + far or max(a, a + along) < -half_a - far:
-        return False
-    if min(b, b + across) > half_b + far or max(b, b + across) < -half_b - far:
-        return False
-    beside = abs(a * across - b * along) - half_a * abs(across) - half_b * abs(along)
-    return beside <= 0.0 or beside * beside <= far * far * (along * along + across * across)
-
-
-@kernel(allocates=False)
-def is_way_near(part, x, z, to_x, to_z, room):
-    """Return whether a straight way comes nearer to a part than some room [m], see ``way_gap``."""
-    dx, dz = to_x - part.x, to_z - part.z
-    a, b = dx * part.ux + dz * part.uz, dz * part.ux - dx * part.uz
-    far = part.radius + room
-    if _square_to(a, b, part.half_along, part.half_across) < far * far:
-        return True
-    return _may_come_near(part, x, z, to_x, to_z, room) and way_gap(part, x, z, to_x, to_z) < room
 
 
 @kernel(allocates=False)
@@ -171,14 +134,18 @@ def is_way_free(places, frame, x, z, to_x, to_z, room, height):
     ux, uz = dx / max(length, 1e-12), dz / max(length, 1e-12)
     for station in range(int(stations)):
         share = (station + 0.5) * stretch
-        if clear_at(places, x + share * ux, z + share * uz) > 0.5 * stretch + room:
-            continue
         cell = cell_at(places.grid, x + share * ux, z + share * uz)
+        if cell < 0 or places.clear[cell] > 0.5 * stretch + room:
+            continue
         for k in range(places.offsets[cell], places.offsets[cell + 1]):
             if places.gaps[k] > 0.5 * stretch + room:
                 break
             part = places.parts[places.listed[k]]
-            if part.height < height or not stands(part, frame) or not _may_come_near(part, x, z, to_x, to_z, room):
+            px, pz = part.x - x, part.z - z
+            along = min(max(px * ux + pz * uz, 0.0), length)
+            px, pz = px - along * ux, pz - along * uz
+            bound = part.bound + room
+            if px * px + pz * pz > bound * bound or part.height < height or not stands(part, frame):
                 continue
             gap = way_gap(part, x, z, to_x, to_z)
             if gap <= 0.0:
@@ -186,6 +153,13 @@ def is_way_free(places, frame, x, z, to_x, to_z, room, height):
             if gap < room and gap < 0.9 * min(part_gap(part, x, z)[0], part_gap(part, to_x, to_z)[0]):
                 return False
     return True
+
+
+@kernel(inline=True)
+def may_be_near(places, x, z, far):
+    """Return whether a part of an obstacle, be it an open door, may be nearer to a point than some distance [m]."""
+    cell = cell_at(places.grid, x, z)
+    return cell >= 0 and places.clear[cell] < far
 
 
 @kernel(allocates=False)
@@ -211,20 +185,3 @@ def list_parts(parts, grid, reach, offsets, listed, gaps, clear):
                 held += 1
         offsets[cell + 1], clear[cell] = held, least - corner
     return held
-
-
-@kernel(allocates=False)
-def refine_clear(places, clear, out):
-    """Write how far cells ``FINER`` than those of the grid are from all parts at least [m], a little too low.
-
-    ``clear`` says that of the cells of the grid. What no cell lists is further than ``REACH`` from any point of it.
-    """
-    grid, fine = places.grid, places.clear_grid
-    for cell in range(out.shape[0]):
-        column, row = cell % int(fine.columns), cell // int(fine.columns)
-        x, z = fine.x + (column + 0.5) * fine.size, fine.z + (row + 0.5) * fine.size
-        coarse = (row // FINER) * int(grid.columns) + column // FINER
-        least = REACH + fine.size
-        for k in range(places.offsets[coarse], places.offsets[coarse + 1]):
-            least = min(least, part_gap(places.parts[places.listed[k]], x, z)[0])
-        out[cell] = max(least - fine.size, clear[coarse]) - 1e-4

@@ -9,7 +9,7 @@ from crowdsim.core.angles import cos_sin
 from crowdsim.crowd.kernels.layout import FIGHTS
 from crowdsim.crowd.kernels.travelling import travels
 from crowdsim.jit import kernel
-from crowdsim.places.kernels.distance import cell_at, clear_at, part_gap, stands
+from crowdsim.places.kernels.distance import cell_at, may_be_near, part_gap, stands
 
 BACKED = 3.0  # what it costs to have an obstacle right behind, and the opponent ahead, in normalised values
 BEHIND = 1.1  # how far from obstacles that costs nothing, for a scale of 1 [m]
@@ -29,7 +29,7 @@ def turn_out(model, avatars, world, now, own, observed, q, scratch):
     if dx * dx + dz * dz > (NEAR * size) ** 2:
         return
     state = model.actions[avatars.motion[own].action].next
-    if clear_at(world.places, x, z) < model.reaches[state] * size + BEHIND * size:
+    if may_be_near(world.places, x, z, model.reaches[state] * size + BEHIND * size):
         _add_backs(model, avatars, world.places, now.frame, own, state, dx, dz, scratch.values[q])
 
 
@@ -53,8 +53,7 @@ def _add_backs(model, avatars, places, frame, own, state, dx, dz, values):
     for k in range(model.offsets[state + 1] - model.offsets[state]):
         move = model.moves[model.offsets[state] + k]
         ex, ez = move.x * cos + move.z * sin, move.z * cos - move.x * sin
-        gap, to_x, to_z = least + ex * nx + ez * nz, dx - ex, dz - ez
-        ahead = to_x * nx + to_z * nz
-        if gap < BEHIND * size and ahead > 0.0:
-            near = 1.0 - max(gap, 0.0) / (BEHIND * size)
-            values[k] -= BACKED * near * (ahead / max(math.sqrt(to_x * to_x + to_z * to_z), 1e-6))
+        near = 1.0 - max(least + ex * nx + ez * nz, 0.0) / (BEHIND * size)
+        to_x, to_z = dx - ex, dz - ez
+        ahead = (to_x * nx + to_z * nz) / max(math.sqrt(to_x * to_x + to_z * to_z), 1e-6)
+        values[k] -= BACKED * max(near, 0.0) * max(ahead, 0.0)

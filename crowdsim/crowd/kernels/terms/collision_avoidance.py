@@ -17,7 +17,7 @@ from crowdsim.crowd.kernels.sole_contact import treads_on
 from crowdsim.crowd.kernels.tables import whole_lanes
 from crowdsim.crowd.kernels.travelling import travels
 from crowdsim.jit import kernel
-from crowdsim.places.kernels.distance import cell_at, clear_at, is_way_near, part_gap, stands
+from crowdsim.places.kernels.distance import cell_at, may_be_near, part_gap, stands, way_gap
 
 HALTED = 0.75  # where bodies meet while they halt, over where they do at the end of actions
 LYING, PASSING = 0.75, 0.5  # how far from the axis of a body on the floor others should end, and pass it [m]
@@ -68,8 +68,9 @@ def avoid_collisions(model, avatars, world, now, own, observed, q, scratch):
         close = _list_close(model, avatars, world.crowding, own, observed, q, furthest, scratch.near)
     leaves = may_leave(world.arena, avatars.x[own], avatars.z[own], furthest) and not travels(avatars, own)
     pushed = world.crowding.back > 0.0 and push_left(avatars, now.frame, own) > 0.0
-    x, z, before = avatars.x[own], avatars.z[own], BEFORE * avatars.playback[own].scale
-    walled = world.places.parts.shape[0] > 0 and clear_at(world.places, x, z) < furthest + before
+    walled = world.places.parts.shape[0] > 0 and may_be_near(
+        world.places, avatars.x[own], avatars.z[own], furthest + BEFORE * avatars.playback[own].scale
+    )
     if close == 0 and not leaves and not pushed and not walled:
         return
     ends = _find_ends(model, avatars, own, scratch.work)
@@ -79,7 +80,7 @@ def avoid_collisions(model, avatars, world, now, own, observed, q, scratch):
         else:
             _add_neighbour(scratch.near, m, ends)
     if leaves:
-        cost = world.crowding.outside_cost
+        x, z, cost = avatars.x[own], avatars.z[own], world.crowding.outside_cost
         for k in range(ends.lanes):
             ends.cost[k] += cost * outside(world.arena, x + ends.x[k], z + ends.z[k])
     if walled:
@@ -251,7 +252,7 @@ def _add_obstacles(model, avatars, places, frame, own, furthest, ends):
             reach = model.strikes[s]
             dx, dz = reach.x * cos + reach.z * sin, reach.z * cos - reach.x * sin
             if gap + dx * nx + dz * nz < 0.0 and part.height > reach.y * size:
-                ends.cost[int(reach.owner)] += AGAINST * is_way_near(part, x, z, x + dx, z + dz, 0.0)
+                ends.cost[int(reach.owner)] += AGAINST * (way_gap(part, x, z, x + dx, z + dz) < 0.0)
         spare = gap - min(before, gap)
         for k in range(np.uint64(model.offsets[state + 1] - offset)):
             nearest = min(ends.x[k] * nx + ends.z[k] * nz, ends.halt_x[k] * nx + ends.halt_z[k] * nz)
@@ -272,7 +273,7 @@ def _lack(part, x, z, gap, nx, nz, dx, dz, before):
     lack = min(before, gap) - gap - dx * nx - dz * nz
     if lack <= 0.0:
         return 0.0
-    return lack if gap < before or is_way_near(part, x, z, x + dx, z + dz, before) else 0.0
+    return lack if way_gap(part, x, z, x + dx, z + dz) < before else 0.0
 
 
 @kernel(inline=True)
