@@ -1,4 +1,4 @@
-"""A scheduler with a worker that the tests of a module share, as a user would start them."""
+"""A scheduler with two workers that the tests of a module share, as a user would start them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,6 @@ from batches import serving
 
 @pytest.fixture(scope="module")
 def scheduler() -> Iterator[str]:
-    """Address of a scheduler with a worker of one thread; Dask's configuration has the certificates for it."""
-    with serving(n_workers=1, threads_per_worker=1) as address:
+    """Address of a scheduler with two workers of one thread; Dask's configuration has the certificates for it."""
+    with serving(n_workers=2, threads_per_worker=1) as address:
         yield address

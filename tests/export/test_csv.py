@@ -171,6 +171,6 @@ def test_a_glb_that_would_be_too_large_is_refused_before_the_run(workplace: Path
     write_scene(workplace / "four.yaml", duration=1_000_000, outputs={"glb": {}})
     assert crowdsim("run", "four.yaml", "--out", "run") == 2
     assert (
-        "outputs.glb: would have about 6.4 GB, glTF files have at most 4.3; expected fewer" in capsys.readouterr().err
+        "outputs.glb: would have about 5.8 GB, glTF files have at most 4.3; expected fewer" in capsys.readouterr().err
     )
     assert not (workplace / "run").exists()

@@ -132,7 +132,7 @@ def test_plots_show_strikes_health_and_distances(workplace, finish) -> None:
     frame = round(times[-1] * 15)
     other = int(run.opponent[frame, 0])
     apart = np.hypot(run.x[frame, 0] - run.x[frame, other], run.z[frame, 0] - run.z[frame, other])
-    assert gaps[-1, 0] == pytest.approx(float(apart)) or other < 0
+    assert gaps[-1, 0] == pytest.approx(float(apart), nan_ok=True) or other < 0
     assert said[2].startswith("The median distance is ")
     assert crowdsim("verify", workplace / "run") == 0
 
