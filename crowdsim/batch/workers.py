@@ -7,7 +7,6 @@ import os
 import platform
 import signal
 import socket
-import sys
 import time
 import urllib.request
 import uuid
@@ -17,6 +16,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import import_module, metadata
 from importlib.util import find_spec
+from multiprocessing.spawn import get_executable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -147,6 +147,11 @@ def connect(options: BatchOptions, security: Security | None) -> Iterator[Client
         hidden = {} if options.dashboard or options.scheduler else _HIDDEN
         stack.enter_context(dask.config.set({**_SETTINGS, **hidden, "logging.distributed": "critical"}))
         if options.scheduler is None:
+            program = os.fsdecode(get_executable())
+            what, expected = "workers of this machine do not start", f"expected that this user may execute {program}"
+            # Dask may wait for ever for one that it cannot start.
+            if not os.access(program, os.X_OK):
+                raise BatchError(f"{what}: it cannot be executed; {expected}")
             # All processes load modules from there first, this one too; Dask's own place may be another user's.
             private = TemporaryDirectory(prefix="crowdsim-batch-", ignore_cleanup_errors=True)
             stack.enter_context(dask.config.set({"temporary-directory": stack.enter_context(private)}))
@@ -164,8 +169,7 @@ def connect(options: BatchOptions, security: Security | None) -> Iterator[Client
                     silence_logs=quiet,
                 )
             except RuntimeError as error:
-                what = f"workers of this machine do not start: {error}"
-                raise BatchError(f"{what}; expected that this user may execute {sys.executable}") from error
+                raise BatchError(f"{what}: {error}; {expected}") from error
             stack.enter_context(cluster)
             client = stack.enter_context(Client(cluster, set_as_default=False))
             stack.callback(_end_workers, cluster)
