@@ -189,7 +189,10 @@ def test_bodies_skeletons_and_the_labelled_cloud_are_shown(player) -> None:
     assert far[1] < 1.2
     player.press("k")
     player.settle()
-    assert np.abs(picture(player) - pictures[0]).mean() < 1.0
+    # How fine bodies are follows the machine's speed.
+    last = picture(player)
+    gaps = [np.abs(last - one).mean() for one in pictures]
+    assert gaps[0] < 0.5 * min(gaps[1:]), gaps
 
 
 def test_bvh_files_are_shown_as_skeletons_and_as_a_cloud(browser, workplace) -> None:
