@@ -189,7 +189,6 @@ def test_bodies_skeletons_and_the_labelled_cloud_are_shown(player) -> None:
     assert far[1] < 1.2
     player.press("k")
     player.settle()
-    # How fine bodies are follows the machine's speed.
     last = picture(player)
     gaps = [np.abs(last - one).mean() for one in pictures]
     assert gaps[0] < 0.5 * min(gaps[1:]), gaps
