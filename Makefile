@@ -29,7 +29,7 @@ system:
 	  || echo "Open3D needs system packages that could not be installed:$$missing"; \
 	else echo "Open3D needs system packages: sudo apt-get install$$missing"; fi
 
-# The first run trains the embedded boxer, which takes a minute or two.
+# The first run trains the embedded boxer, which takes two to three minutes.
 demo: system $(VENV)/.installed
 	$(BIN)/crowdsim run scenarios/brawl_30.yaml
 	@echo

@@ -14,6 +14,7 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.motion.mirroring import mirrored
+from crowdsim.motion.roles import find_roles
 from crowdsim.motion.skeleton import Clip
 
 Array = NDArray[np.float64]
@@ -69,11 +70,15 @@ def root_step(bvh: Bvh) -> Bvh:
     return with_path(bvh, 0, path)
 
 
-def root_drifting(bvh: Bvh) -> Bvh:
-    """Let the root drift by 40 % of a leg a second, aside and up."""
-    path = path_of(bvh, 0)
-    path += np.arange(len(path))[:, None] / bvh.fps * _leg(bvh) * np.array([0.3, 0.05, 0.25])
-    return with_path(bvh, 0, path)
+def root_drifting(share: float) -> Change:
+    """Let the root drift by a share of a leg a second, aside and up."""
+
+    def change(bvh: Bvh) -> Bvh:
+        path = path_of(bvh, 0)
+        path += np.arange(len(path))[:, None] / bvh.fps * _leg(bvh) * share * np.array([0.75, 0.125, 0.625])
+        return with_path(bvh, 0, path)
+
+    return change
 
 
 def root_at_origin(bvh: Bvh) -> Bvh:
@@ -234,6 +239,113 @@ def zeros_at_the_start(bvh: Bvh) -> Bvh:
     return _with_rows(bvh, np.concatenate([lead, bvh.motion]))
 
 
+def blended_in(seconds: float) -> Change:
+    """Blend from the rest pose into the motion, as evenly in all joints as tools do."""
+
+    def change(bvh: Bvh) -> Bvh:
+        clip = to_clip(bvh)
+        shares = np.minimum(np.arange(clip.frame_count) / (seconds * clip.fps), 1.0)[:, None, None]
+        turns = quaternion.to_rotation_vector(clip.rotations)
+        return _written(replace(clip, rotations=quaternion.from_rotation_vector(shares * turns)), bvh)
+
+    return change
+
+
+def tee_in_the_middle(bvh: Bvh) -> Bvh:
+    """Hold a T-pose for a second in the middle of the clip, with a way to it and one back."""
+    clip = to_clip(bvh)
+    count, way = min(round(clip.fps), clip.frame_count // 4), round(0.3 * clip.fps)
+    first = (clip.frame_count - count) // 2
+    frames = np.arange(clip.frame_count)
+    shares = np.clip(np.maximum(first - frames, frames - first - count) / way, 0.0, 1.0)[:, None, None]
+    turns = quaternion.to_rotation_vector(clip.rotations)
+    return _written(replace(clip, rotations=quaternion.from_rotation_vector(shares * turns)), bvh)
+
+
+def still(limb: str, seconds: float | None = None) -> Change:
+    """Hold all joints of a limb, named by the role that it begins with, throughout or for a while in the middle."""
+
+    def change(bvh: Bvh) -> Bvh:
+        motion = bvh.motion.copy()
+        first = 0 if seconds is None else bvh.frame_count // 2
+        stop = bvh.frame_count if seconds is None else first + round(seconds * bvh.fps)
+        columns = _rotations_below(bvh, limb)
+        motion[first:stop, columns] = motion[first, columns]
+        return replace(bvh, motion=motion)
+
+    return change
+
+
+def wrong_frames(bvh: Bvh) -> Bvh:
+    """Turn the left elbow by 45 degrees in every hundredth frame."""
+    clip = to_clip(bvh)
+    rotations, frames = clip.rotations.copy(), np.arange(50, clip.frame_count - 1, 100)
+    elbow = _roles(bvh)["left_elbow"]
+    turn = quaternion.from_rotation_vector(np.deg2rad(45.0) * np.array([0.0, np.sqrt(0.5), np.sqrt(0.5)]))
+    rotations[frames, elbow] = quaternion.multiply(rotations[frames, elbow], turn)
+    return _written(replace(clip, rotations=rotations), bvh)
+
+
+def root_rotation(heading: bool) -> Change:
+    """Leave out the root's rotation, or all but its heading."""
+
+    def change(bvh: Bvh) -> Bvh:
+        clip = to_clip(bvh)
+        rotations = clip.rotations.copy()
+        ahead = quaternion.rotate(rotations[:, 0], np.array([0.0, 0.0, 1.0]))
+        rotations[:, 0] = quaternion.about_y(np.arctan2(ahead[:, 0], ahead[:, 2]) if heading else np.zeros(len(ahead)))
+        return _written(replace(clip, rotations=rotations), bvh)
+
+    return change
+
+
+def root_level(bvh: Bvh) -> Bvh:
+    """Keep the root at one height."""
+    path = path_of(bvh, 0)
+    path[:, 1] = path[0, 1]
+    return with_path(bvh, 0, path)
+
+
+def root_late(seconds: float) -> Change:
+    """Let the root go where it should be only some time later."""
+
+    def change(bvh: Bvh) -> Bvh:
+        frames = np.maximum(np.arange(bvh.frame_count) - round(seconds * bvh.fps), 0)
+        return with_path(bvh, 0, path_of(bvh, 0)[frames])
+
+    return change
+
+
+def root_rises(speed: float, height: float) -> Change:
+    """Let the root rise steadily, in legs a second, and sway up and down by a share of a leg within six seconds."""
+
+    def change(bvh: Bvh) -> Bvh:
+        path, seconds = path_of(bvh, 0), np.arange(bvh.frame_count) / bvh.fps
+        path[:, 1] += _leg(bvh) * (speed * seconds + height * np.sin(2.0 * np.pi * seconds / 6.0))
+        return with_path(bvh, 0, path)
+
+    return change
+
+
+def sides_exchanged(limb: str) -> Change:
+    """Exchange names of left and right in arms or legs alone, which begin with a role."""
+
+    def change(bvh: Bvh) -> Bvh:
+        names = list(bvh.names)
+        left, right = (_below(bvh, _roles(bvh)[f"{side}_{limb}"]) for side in ("left", "right"))
+        for a, b in zip(left, right, strict=True):
+            names[a], names[b] = names[b], names[a]
+        return replace(bvh, names=tuple(names))
+
+    return change
+
+
+def rotations_in_the_world(bvh: Bvh) -> Bvh:
+    """Write rotations of joints in the world instead of against their parents."""
+    clip = to_clip(bvh)
+    return _written(replace(clip, rotations=quaternion.continuous(clip_kinematics(clip)[1])), bvh)
+
+
 _CHANNELS = {
     "displacements, all zero": lambda bvh, joint, world: np.zeros((len(world), 3)),
     "displacements of a share of a bone": lambda bvh, joint, world: np.random.default_rng(joint).normal(
@@ -241,12 +353,15 @@ _CHANNELS = {
     ),
     "offsets in another unit": lambda bvh, joint, world: np.repeat(0.01 * bvh.offsets[[joint]], len(world), axis=0),
     "places in the world": lambda bvh, joint, world: world[:, joint],
+    "places against the root": lambda bvh, joint, world: world[:, joint] - world[:, 0],
 }
 FAULTS: dict[str, tuple[str, Change]] = {
     "frame time in milliseconds": ("time_base", timed_in(lambda fps: 1e3 / fps)),
     "frame time in microseconds": ("time_base", timed_in(lambda fps: 1e6 / fps)),
     "frames per second for a frame time": ("time_base", timed_in(lambda fps: fps)),
     "frame time a thousand times too short": ("time_base", timed_in(lambda fps: 1e-3 / fps)),
+    "frame rate twice as high": ("time_base", lambda bvh: rate_of(2.0 * bvh.fps)(bvh)),
+    "frame rate half as high": ("time_base", lambda bvh: rate_of(0.5 * bvh.fps)(bvh)),
     "frame rate 5 times too high": ("time_base", lambda bvh: rate_of(5.0 * bvh.fps)(bvh)),
     "frame rate 4 times too low": ("time_base", lambda bvh: rate_of(0.25 * bvh.fps)(bvh)),
     "root in m, bones in cm": ("root_path", root_scaled(0.01)),
@@ -256,13 +371,28 @@ FAULTS: dict[str, tuple[str, Change]] = {
     "root in inches, bones in m": ("root_path", lambda bvh: root_scaled(39.37)(in_metres(bvh))),
     "root with z up, bones with y up": ("root_path", root_exchanged),
     "root as displacements of each frame": ("root_path", root_displacements),
+    "root goes half as far": ("root_path", root_scaled(0.5)),
+    "root goes twice as far": ("root_path", root_scaled(2.0)),
+    "root a quarter of a second late": ("root_path", root_late(0.25)),
     "root steps": ("root_jumps", root_step),
     "root at the origin for 6 frames": ("root_jumps", root_at_origin),
     "6 rows of zeros": ("root_jumps", rows_of_zeros),
     "root held for 5 frames": ("root_held", root_held),
-    "root drifts": ("root_drift", root_drifting),
+    "root drifts": ("root_drift", root_drifting(0.4)),
+    "root drifts slowly": ("root_drift", root_drifting(0.2)),
+    "root rises": ("floor", root_rises(0.1, 0.0)),
+    "root sways up and down": ("floor", root_rises(0.0, 0.25)),
     "root does not travel": ("in_place", in_place),
+    "root keeps its height": ("in_place", root_level),
+    "root without rotations": ("limbs", root_rotation(False)),
+    "root without rotations but its heading": ("limbs", root_rotation(True)),
+    "an arm was not captured": ("limbs", still("left_shoulder")),
+    "a leg was not captured": ("limbs", still("right_hip")),
+    "an arm was lost for a second": ("limbs", still("left_shoulder", 1.0)),
+    "single frames of an elbow are wrong": ("spins", wrong_frames),
     "left-handed": ("handedness", left_handed),
+    "names of left and right exchanged in the arms": ("sides", sides_exchanged("shoulder")),
+    "names of left and right exchanged in the legs": ("sides", sides_exchanged("hip")),
     "tilted by 10 degrees": ("tilt", tilted(10.0, 2.8)),
     "tilted by 12 degrees": ("tilt", tilted(12.0, 0.4)),
     "tilted by 25 degrees": ("tilt", tilted(25.0, 2.0)),
@@ -275,11 +405,15 @@ FAULTS: dict[str, tuple[str, Change]] = {
     "rotations named in reverse order": ("rotations", named_in("YXZ")),
     "rotations named in the order XYZ": ("rotations", named_in("XYZ")),
     "rotations of the root alone named in the order XYZ": ("rotations", root_named_in("XYZ")),
+    "rotations are those in the world": ("rotations", rotations_in_the_world),
     "root's positions and rotations exchanged": ("rotations", rotations_first),
     **{f"positions are {name}": ("channels", positions_of_all(places)) for name, places in _CHANNELS.items()},
     "every row twice": ("repeats", rows_twice),
     "frozen for half a second": ("repeats", frozen_middle),
     "a frozen second at the start": ("ends", frozen_lead),
+    "a blend of 0.1 s from a T-pose": ("ends", blended_in(0.1)),
+    "a blend of 0.5 s from a T-pose": ("ends", blended_in(0.5)),
+    "a T-pose for a second in the middle": ("ends", tee_in_the_middle),
     "10 rows of zeros at the start": ("ends", zeros_at_the_start),
     "10 rows of zeros at the end": ("ends", zeros_at_the_end),
 }
@@ -303,6 +437,25 @@ def clean_twins(clip: Clip, body: Body, unit: float = 0.01) -> Iterator[tuple[st
     for factor in (0.6, 1.5):
         yield f"{factor:g} times as fast", replace(plain, fps=plain.fps * factor, frame_time=plain.frame_time / factor)
     yield "every second frame", _with_rows(rate_of(plain.fps / 2.0)(plain), plain.motion[::2])
+
+
+def _roles(bvh: Bvh) -> dict[str, int]:
+    return find_roles(to_clip(bvh).skeleton)
+
+
+def _below(bvh: Bvh, top: int) -> list[int]:
+    """A joint and all that hang on it, in file order."""
+    found = {top}
+    for joint in range(top + 1, bvh.joint_count):
+        if int(bvh.parents[joint]) in found:
+            found.add(joint)
+    return sorted(found)
+
+
+def _rotations_below(bvh: Bvh, role: str) -> Array:
+    columns, starts = rotation_columns(bvh), bvh.first_channels()
+    joints = _below(bvh, _roles(bvh)[role])
+    return columns[np.isin(np.searchsorted(starts, columns, side="right") - 1, joints)]
 
 
 def _leg(bvh: Bvh) -> float:

@@ -8,8 +8,9 @@ stated apart. Peak memory is what Python and numpy allocate while one file is wr
 
 ``clips``: a bank of clips and tracks of ``brawl_30`` at 30 frames a second, everything after the run counted.
 
-``touches``: how far gloves are from the skin that they hit there, at the moments of strikes that land: the share within
-2 cm, and how far the median glove is in it [cm]; capsules are what they are aimed at.
+``touches``: how deep hands are in the skin that they hit, at the moments of strikes that land: the share whose deepest
+point is within 2 cm of trunk, head or upper arms, where such fists stop, on either side, and the median depth [cm];
+with gloves, and of bare fists. Keys that end in ``arms`` are likewise of all skin, forearms and hands included.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import os
 import tempfile
 import time
 import tracemalloc
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -31,6 +33,7 @@ from export import AVATARS, FPS, Posed
 from crowdsim.body.anatomy import Build
 from crowdsim.body.looks import build_of
 from crowdsim.body.skin import build_skin_of, pose_skins
+from crowdsim.core.types import Array
 from crowdsim.crowd.cast import USUAL_BODY
 from crowdsim.export.clips import write_clips
 from crowdsim.export.gltf import write_gltf
@@ -90,41 +93,76 @@ def clips(sampler: Any, repeats: int) -> dict[str, float]:
 
 
 def touches(sampler: Any, most: int) -> dict[str, float | None]:
-    """Return how far gloves are from skins at strikes that land, of so many at the most."""
-    from scipy.spatial import cKDTree
-    from trimesh.triangles import closest_point
-
+    """Return how deep hands are in skins at strikes that land, of so many at the most."""
     take = sampler.take
     strikes = take.strikes(outcome="landed")
     strikes = strikes[(strikes["victim"] >= 0) & np.char.endswith(strikes["limb"].astype(str), "hand")]
-    gaps = []
-    for strike in strikes[:: max(1, len(strikes) // most)]:
-        bodies = []
-        for avatar in (int(strike["attacker"]), int(strike["victim"])):
-            ((_, body, sizes, places, turned),) = sampler.moments(np.array([avatar]), strike["seconds"][None])
-            policy, girth = int(take.cast.policies[avatar]), float(take.cast.girths[avatar])
-            lengths = take.cast.stretches[avatar][sampler.motions[policy].segments].astype(float)
-            skin = build_skin_of(sampler.policies[policy].database, build_of(take.cast, avatar)).shaped(girth, lengths)
-            (vertices,), _ = pose_skins([skin], skin.matrices(places, turned, sizes))
-            bodies.append((skin, body, vertices.astype(float)))
-        (own, body, vertices), (other, _, theirs) = bodies
-        hand = body.roles[f"{strike['limb'].split('_')[0]}_hand"]
-        glove = vertices[own.joints[np.arange(len(vertices)), np.argmax(own.weights, axis=1)] == hand]
-        triangles = theirs[other.triangles]
-        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-        middles = cKDTree(triangles.mean(axis=1))
-        glove = glove[np.argsort(middles.query(glove)[0])[:60]]
-        depths = []
-        for point, some in zip(glove, middles.query(glove, k=10)[1], strict=True):
-            away = point - closest_point(triangles[some], np.tile(point, (len(some), 1)))
-            nearest = int(np.argmin(np.linalg.norm(away, axis=1)))
-            outside = away[nearest] @ normals[some[nearest]] >= 0.0
-            depths.append(float(np.linalg.norm(away[nearest])) * (1.0 if outside else -1.0))
-        gaps.append(100.0 * min(depths))
-    if not gaps:
-        return {"strikes": 0, "within 2 cm": None, "median cm": None}
-    share = float((np.abs(gaps) <= 2.0).mean())
-    return {"strikes": len(gaps), "within 2 cm": share, "median cm": -float(np.median(gaps))}
+    strikes = strikes[:: max(1, len(strikes) // most)]
+    found: dict[str, float | None] = {"strikes": len(strikes)}
+    for name, hands in (("", "gloves"), (" bare", "bare")):
+        bodies = tuple((sex, hands) for sex, _ in take.cast.bodies)
+        posed = PoseSampler(replace(take, cast=replace(take.cast, bodies=bodies)), sampler.policies)
+        depths = np.array([hand_depths(posed, strike) for strike in strikes]).reshape(-1, 2)
+        for part, values in zip(("", " arms"), depths.T, strict=True):
+            found[f"within 2 cm{name}{part}"] = float((np.abs(values) <= 2.0).mean()) if len(values) else None
+            found[f"median cm{name}{part}"] = float(np.median(values)) if len(values) else None
+    return found
+
+
+def hand_depths(sampler: Any, strike: Any) -> tuple[float, float]:
+    """Return how deep the hand of a strike is in its victim without forearms and hands, and in all of its skin [cm]."""
+    body, skin, vertices = posed_skin(sampler, int(strike["attacker"]), strike["seconds"])
+    struck, other, theirs = posed_skin(sampler, int(strike["victim"]), strike["seconds"])
+    hand = body.roles[f"{strike['limb'].split('_')[0]}_hand"]
+    roles = [f"{side}_{role}" for side in ("left", "right") for role in ("elbow", "hand")]
+    arms = np.append(np.zeros(len(other.parents), bool), np.isin(other.helpers, [struck.roles[role] for role in roles]))
+    for joint, parent in enumerate(other.parents):
+        arms[joint] = joint in [struck.roles[role] for role in roles[::2]] or (parent >= 0 and arms[parent])
+    of_arms = arms[carriers(other)][other.triangles].any(axis=1)
+    points, corners = vertices[carriers(skin) == hand], theirs[other.triangles]
+    depths, nearest = depths_in(points, corners)
+    apart, _ = depths_in(points, corners[~of_arms])
+    trunk = np.where(of_arms[nearest], -np.abs(apart), depths)
+    return 100.0 * float(trunk.max()), 100.0 * float(depths.max())
+
+
+def carriers(skin: Any) -> Array:
+    """Return the joint or helper that each vertex of a skin follows most. Shape (V,)."""
+    return np.asarray(skin.joints[np.arange(len(skin.joints)), np.argmax(skin.weights, axis=1)])
+
+
+def posed_skin(sampler: Any, avatar: int, seconds: float) -> tuple[Any, Any, Array]:
+    """Return the body of an avatar, its skin, and the vertices of that at a time [m]."""
+    take = sampler.take
+    ((_, body, sizes, places, turned),) = sampler.moments(np.array([avatar]), np.array([seconds]))
+    policy, girth = int(take.cast.policies[avatar]), float(take.cast.girths[avatar])
+    lengths = take.cast.stretches[avatar][sampler.motions[policy].segments].astype(float)
+    skin = build_skin_of(sampler.policies[policy].database, build_of(take.cast, avatar)).shaped(girth, lengths)
+    (vertices,), _ = pose_skins([skin], skin.matrices(places, turned, sizes))
+    return body, skin, vertices.astype(float)
+
+
+def depths_in(points: Array, corners: Array, near: int = 24) -> tuple[Array, Array]:
+    """Return how deep points are in a surface, negative outside [m], and the nearest triangle of each. Shape (n,).
+
+    Args:
+        points: The points [m]. Shape (n, 3).
+        corners: Corners of the surface's triangles, counter-clockwise from outside [m]. Shape (F, 3, 3).
+        near: How many triangles each point is compared with, those whose middles are nearest.
+    """
+    from scipy.spatial import cKDTree
+    from trimesh.triangles import closest_point
+
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    some = cKDTree(corners.mean(axis=1)).query(points, k=near)[1]
+    repeated = np.repeat(points, near, axis=0)
+    away = (repeated - closest_point(corners[some.ravel()], repeated)).reshape(len(points), near, 3)
+    far = np.linalg.norm(away, axis=2)
+    # At an edge the side is that of the triangle that faces the point most.
+    sides = np.where(far < far.min(axis=1, keepdims=True) + 1e-9, np.sum(away * normals[some], axis=2), 0.0)
+    best, rows = np.argmax(np.abs(sides), axis=1), np.arange(len(points))
+    return np.where(sides[rows, best] >= 0.0, -1.0, 1.0) * far.min(axis=1), some[rows, best]
 
 
 def measure(frames: int, threads: int, repeats: int, run_frames: int | None = None) -> dict[str, Any]:
@@ -166,7 +204,7 @@ def main() -> None:
     if chosen.quick:
         chosen.frames, chosen.repeats = min(chosen.frames, 60), 1
     with small_policies(wanted=chosen.quick):
-        outcome = measure(chosen.frames, chosen.threads, chosen.repeats, 20 if chosen.quick else None)
+        outcome = measure(chosen.frames, chosen.threads, chosen.repeats, 90 if chosen.quick else None)
     if chosen.json:
         print(json.dumps({**vars(chosen), **outcome}, indent=2))
         return
@@ -183,8 +221,11 @@ def main() -> None:
     print(f"clips, brawl_30, {found['frames']:.0f} frames at 30 a second: {found['seconds']:.2f} s, {sizes}")
     found = outcome["touches"]
     if found["strikes"]:
-        print(f"gloves within 2 cm of the skin at {100 * found['within 2 cm']:.1f} % of {found['strikes']} landed "
-              f"strikes, in the median {found['median cm']:.1f} cm in it")  # fmt: skip
+        for name, hands in (("", "gloves"), (" bare", "bare fists")):
+            print(f"{hands} within 2 cm of the skin at {100 * found[f'within 2 cm{name}']:.1f} % of {found['strikes']} "
+                  f"landed strikes, in the median {found[f'median cm{name}']:.1f} cm in it; arms of whom they hit "
+                  f"included {100 * found[f'within 2 cm{name} arms']:.1f} %, {found[f'median cm{name} arms']:.1f} cm"
+            )  # fmt: skip
 
 
 if __name__ == "__main__":

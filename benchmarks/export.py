@@ -28,7 +28,6 @@ from typing import Any
 
 import numpy as np
 import open3d
-import orjson
 from _commands import warm_and_cold, whole_command
 from _quick import best_seconds, command_line, small_policies
 from numpy.typing import NDArray
@@ -106,6 +105,8 @@ class Posed:
 
 def measure(frames: int, clouds: int, threads: int, repeats: int) -> dict[str, Any]:
     """Return seconds of every method of writing, and sizes [MB]."""
+    import orjson
+
     sampler: Any = Posed(frames)
     every = max(1, frames // clouds)
     with tempfile.TemporaryDirectory() as name:

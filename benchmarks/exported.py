@@ -21,7 +21,8 @@ the side, with avatars, time and figure. The JSON document has a group for each 
   `clips_with_backward_hinges` are clips whose knees fold forward or whose elbows fold backward in the files; such
   elbows are corrected first.
 - `peaks`: the greatest speed and acceleration of any joint over the greatest in the source.
-- `fists`: distance of the middle of the striking fist from the surface of head or torso at the time of the strike.
+- `fists`: distance of the surface of the striking fist from the skin of head or trunk at the time of the strike, inside
+  or outside.
 - `overlap`: overlap of discs of 0.2 m around pelvises, of torso capsules (pelvis to neck) and of heads, as a share of
   avatar-frames.
 - `transition_classifier`: area under the ROC curve of a classifier of windows around transitions and around other

@@ -67,9 +67,8 @@ def measure(poses: int, repeats: int) -> dict[str, dict[str, float]]:
 
     none: Any = None
     hinge = np.array([1.0, 0.0, 0.0])
-    arms = Limbs(
-        body.parents, body.offsets, none, none, np.array([ARM] * 2), np.stack([hinge, hinge]), none, none, none, none
-    )
+    both, hinges = np.array([ARM] * 2), np.stack([hinge, hinge])
+    arms = Limbs(body.parents, body.offsets, none, none, none, both, hinges, none, none, none, none)
     world, turns = forward_kinematics(body, wide_roots, wide_rotations, threads=1)
     reach = float(np.linalg.norm(body.offsets[ARM[1]]))
     way: NDArray[Any] = rng.normal(size=(poses, 3))

@@ -142,7 +142,7 @@ def play(
     scenario = scene.scenario.model_copy(update={"seed": seed})
     crowd = draw_crowd(scenario, policies)
     rate = crowd.rate
-    counter = FightCounter(crowd.cast.scales, rate, crowd.frames, scene.after)
+    counter = FightCounter(crowd.cast, crowd.policies, rate, crowd.frames, scene.after)
     outside = OutsideCounter(crowd) if len(crowd.parts) else None
     near = bool(scene.radius) or scene.name in NEAR
     distances = []

@@ -5,7 +5,7 @@ import os
 import shutil
 import signal
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
@@ -49,16 +49,24 @@ def mocap() -> Path:
 
 
 @pytest.fixture(scope="session")
-def tiny_policy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of what is made once for all test processes."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "shared"
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def tiny_policy(shared: Path) -> Path:
     """Folder of a small trained policy, its recipe ``tiny.yaml`` beside it; trained once for all test processes."""
     from crowdsim.training.train import train_recipe
 
-    base = tmp_path_factory.getbasetemp()
-    shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "policies"
-    shared.mkdir(exist_ok=True)
-    recipe = shared / "tiny.yaml"
+    folder = shared / "policies"
+    folder.mkdir(exist_ok=True)
+    recipe = folder / "tiny.yaml"
     if not recipe.exists():
-        fresh = shared / f"tiny-{os.getpid()}.txt"
+        fresh = folder / f"tiny-{os.getpid()}.txt"
         fresh.write_text((Path(__file__).parent / "tiny_policy.yaml").read_text(encoding="utf-8"))
         os.replace(fresh, recipe)
     return train_recipe(recipe, threads=2)[0]
@@ -74,19 +82,28 @@ def workplace(tiny_policy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.fixture(scope="session")
-def finish(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., None]:
-    """Let the scenario ``four.yaml`` of a working folder run; the same run is done once, and copied from then on."""
+def finish(shared: Path) -> Callable[..., None]:
+    """Let the scenario ``four.yaml`` of a working folder run; the same run is done once, and copied from then on.
+
+    Runs are the same that have the same scenario and words, and whose takes have chunks of as many strikes.
+    """
     from scenes import crowdsim
 
-    base = tmp_path_factory.mktemp("finished")
+    from crowdsim.take import store
+
+    base = shared / "finished"
+    base.mkdir(exist_ok=True)
 
     def finish(workplace: Path, *words: str, out: str = "run") -> None:
-        scenario = (workplace / "four.yaml").read_bytes()
-        kept = base / hashlib.sha256(scenario + repr((words, out)).encode()).hexdigest()
+        asked = (workplace / "four.yaml").read_bytes() + repr((words, out, store.EVENTS_A_CHUNK)).encode()
+        kept = base / hashlib.sha256(asked).hexdigest()
         if kept.exists():
             shutil.copytree(kept, workplace / out)
-        else:
-            assert crowdsim("run", "four.yaml", *words, "--out", out) == 0
-            shutil.copytree(workplace / out, kept)
+            return
+        assert crowdsim("run", "four.yaml", *words, "--out", out) == 0
+        fresh = base / f"{kept.name}-{os.getpid()}"
+        shutil.copytree(workplace / out, fresh)
+        with suppress(OSError):  # another process has been faster
+            os.rename(fresh, kept)
 
     return finish

@@ -13,6 +13,7 @@ from naive_opponents import nearest, neighbours
 from naive_policy import action_values
 from naive_strikes import at, ball, gap_to, thrown, tolerance_of, what_is_seen
 
+from crowdsim.crowd.kernels.advance import NEARLY
 from crowdsim.crowd.kernels.choose import BURSTS, REDRAWN
 from crowdsim.crowd.kernels.intents import CLOSEST, SHYNESS
 from crowdsim.crowd.kernels.layout import BLOCKED, FORESEEN, LANDED
@@ -20,7 +21,7 @@ from crowdsim.crowd.kernels.observe import AT_HAND, WALKS
 from crowdsim.crowd.kernels.opponents import AVERTED, BEHIND, ENGAGED, HIT, REMEMBERED
 from crowdsim.crowd.kernels.resolve import FOOT
 from crowdsim.crowd.kernels.resolve import GUARDED as LET_THROUGH
-from crowdsim.crowd.kernels.shown_motion import CELL, LATEST
+from crowdsim.crowd.kernels.shown_motion import CELL, LATEST, NONE
 from crowdsim.crowd.kernels.terms import variety
 from crowdsim.crowd.kernels.terms.collision_avoidance import BYSTANDERS, FURTHEST, HALTED, LIGHT, PUSHED, STEP
 from crowdsim.crowd.kernels.terms.facing import FROM, THRONG, TURNED
@@ -242,7 +243,9 @@ def run(crowd, policies, frames):
             one.decided = False
             if frame > 0:
                 one.phase_before = min(one.phase, one.length)
-                one.phase += one.speed
+                one.phase = float(np.float32(one.phase + one.speed))  # phases are stored in single precision
+                if one.length - NEARLY < one.phase < one.length:
+                    one.phase = float(one.length)
         due = [one for one in avatars if one.phase >= one.length]
         targets = target_positions(paths, frame - 1, 2 + FORESEEN, policies[0].database.control_rate)
         chosen = [decide(one, avatars, crowd, targets, frame, marks) for one in due]
@@ -529,7 +532,8 @@ def repetition(one, action, frame, marks, avatars):
     state = twin_of(one, action)
     last = marks.get(mark_of(one.stands(), state, avatars), -math.inf)
     lately = frame - last < variety.LATELY
-    return (variety.OTHERS if lately else 0.0) + variety.OWN * (state in one.shown[-LATEST:])
+    own = [shown % NONE for shown in one.shown[-LATEST:]]
+    return (variety.OTHERS if lately else 0.0) + variety.OWN * (state % NONE in own)
 
 
 def throws_too(one, other, action, frame):

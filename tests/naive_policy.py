@@ -251,38 +251,28 @@ def value_iteration(actions, grid, terms, body, discount, movement, backup, swee
     observed = grid.observed()
     targets = np.stack([observed.x, observed.y, observed.z, observed.heading, observed.impact], axis=-1)
     count, cells = len(actions.next), grid.cells
-    outcomes = []
+    earned, found = np.zeros((count, cells, len(movement.velocities))), {}
     for a, c in itertools.product(range(count), range(cells)):
         length = int(actions.lengths[a])
-        here = []
         own, lasts = np.array([observed.vx[c], 0.0, observed.vz[c]]), LASTS if sees_motion(grid) else math.inf
-        for chance, drawn in zip(movement.probabilities, movement.velocities, strict=True):
+        for k, drawn in enumerate(movement.velocities):
             vx, vz = drawn + own[[0, 2]]
-            earned = action_reward(actions, a, targets[c], terms, body, discount, (vx, vz), lasts)
+            earned[a, c, k] = action_reward(actions, a, targets[c], terms, body, discount, (vx, vz), lasts)
             end = actions.paths[actions.path_offsets[a + 1] - 1].astype(float)
             later = ground.to_local(end, targets[c, :3] + min(length, lasts) * np.array([vx, 0.0, vz]))
-            here.append((chance, earned, *corners_after(grid, targets[c], later, own, end, length)))
-        outcomes.append(here)
+            found[a, c, k] = corners_after(grid, targets[c], later, own, end, length)
+    around, shares = (np.reshape([one[part] for one in found.values()], (*earned.shape, -1)) for part in (0, 1))
     q = np.zeros((count, cells))
     for _ in range(sweeps):
-        q = _sweep(actions, discount, backup, outcomes, q)
-    return q
-
-
-def _sweep(actions, discount, backup, outcomes, q):
-    values = [q[first:end] for first, end in itertools.pairwise(actions.offsets)]
-    best = [rows.max(axis=0) for rows in values]
-    fresh = np.zeros(q.size)
-    for place, here in enumerate(outcomes):
-        a = place // q.shape[1]
-        after = int(actions.next[a])
-        for chance, earned, around, shares in here:
+        values = [q[first:end] for first, end in itertools.pairwise(actions.offsets)]
+        q = np.empty_like(q)
+        for a, after in enumerate(actions.next):
             if backup == "max_of_interpolated":
-                behind = float((values[after][:, around] @ shares).max())
+                behind = (values[after][:, around[a]] * shares[a]).sum(axis=-1).max(axis=0)
             else:
-                behind = float(best[after][around] @ shares)
-            fresh[place] += chance * (earned + math.pow(discount, int(actions.lengths[a])) * behind)
-    return fresh.reshape(q.shape)
+                behind = (values[after].max(axis=0)[around[a]] * shares[a]).sum(axis=-1)
+            q[a] = (earned[a] + math.pow(discount, int(actions.lengths[a])) * behind) @ movement.probabilities
+    return q
 
 
 def by_action(actions, cells, table):

@@ -14,7 +14,7 @@ def value(policy, weighting, state, target):
 
 
 def transitions_worth_keeping(database, graph, actions, specs, body, most, every=7):
-    """Return what ``pruning.judge_transitions`` returns, for every seventh state; all else is 0."""
+    """Return what ``pruning.judge_transitions`` returns, for every seventh captured state; all else is 0."""
     solved = graph.captured_states(database.captured_frames)
     behaviours = tuple(
         train_behaviour(name, _coarse(spec), database, actions, body, solved=solved)[0] for name, spec in specs.items()
@@ -24,7 +24,7 @@ def transitions_worth_keeping(database, graph, actions, specs, body, most, every
     weightings = [{name: 1.0} for name in names] + [dict.fromkeys(names, 1.0)]
     targets = sample_targets(database)
     keep, gains = np.zeros(actions.action_count, bool), np.zeros(actions.action_count)
-    for state in range(0, graph.state_count, every):
+    for state in range(0, solved, every):
         first, end = graph.action_offsets[state : state + 2]
         worth = np.array([value(policy, weighting, state, target) for weighting in weightings for target in targets])
         captured = [k for k in range(end - first) if not graph.action_has_transition[first + k]]

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scenes import crowdsim
 
 from crowdsim import load_scenario, open_run, read_bvh, run_to, to_clip, write_bvh
 from crowdsim.motion import quaternion
@@ -65,7 +66,16 @@ def test_knees_and_elbows_that_fold_backward_are_past_straight(witness: SimpleNa
     np.testing.assert_allclose(witness.witness.flexions(figure, axes), [[30.0] * 4, [5.0] * 4, [-5.0] * 4])
 
 
-def test_a_run_is_read_as_the_package_has_it(witness: SimpleNamespace, workplace: Path) -> None:
+def test_a_run_is_read_as_the_package_has_it(
+    witness: SimpleNamespace, workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def inspect(*words: str) -> str:
+        """Run a command in this process, which has loaded everything, and return what it prints."""
+        capsys.readouterr()
+        assert crowdsim(*words) == 0
+        return capsys.readouterr().out
+
+    monkeypatch.setattr(witness.exported, "crowdsim", inspect)
     (workplace / "two.yaml").write_text(SCENARIO)
     run_to(workplace / "run", load_scenario("two.yaml"))
     run = witness.scenes.open_exported(workplace / "run", workplace / "policies", workplace, None)

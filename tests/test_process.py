@@ -1,5 +1,6 @@
 """What commands need of the system, what they show of text, and how they end when a signal comes."""
 
+import io
 import json
 import os
 import re
@@ -9,6 +10,8 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -39,11 +42,23 @@ def limited(name: str, value: int):
     return lambda: resource.setrlimit(getattr(resource, name), (value, value))
 
 
+@contextmanager
+def files_up_to(size: int) -> Iterator[None]:
+    """Set the limit of file sizes of this process [bytes]."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
 @pytest.fixture
-def finished(workplace: Path, capsys) -> Path:
+def finished(workplace: Path, finish, capsys) -> Path:
     """A finished run, ``output/four``, in the working folder."""
     write_scene(workplace / "four.yaml")
-    assert crowdsim("run", "four.yaml") == 0
+    finish(workplace, out="output/four")
     capsys.readouterr()
     return workplace / "output" / "four"
 
@@ -56,20 +71,21 @@ def test_the_package_can_be_called_as_a_module() -> None:
 # What the system refuses
 
 
-def test_an_archive_beyond_the_limit_of_file_sizes_is_a_failure_and_leaves_nothing(finished: Path) -> None:
-    done = call("pack", str(finished), "-o", "four.zip", preexec_fn=limited("RLIMIT_FSIZE", 8192))
-    assert (done.returncode, done.stderr) == (1, "four.zip: cannot be written: File too large\n")
+def test_an_archive_beyond_the_limit_of_file_sizes_is_a_failure_and_leaves_nothing(finished: Path, capsys) -> None:
+    with files_up_to(8192):
+        assert crowdsim("pack", finished, "-o", "four.zip") == 1
+    assert capsys.readouterr().err == "four.zip: cannot be written: File too large\n"
     assert not [path for path in Path().iterdir() if ".zip" in path.name]
 
 
 @pytest.mark.parametrize(
     "words", [("render", "--png", "--contact-sheet", "2", "--size", "320x240"), ("inspect", "--plots")]
 )
-def test_no_picture_that_is_cut_off_has_its_final_name(finished: Path, words: tuple[str, ...]) -> None:
+def test_no_picture_that_is_cut_off_has_its_final_name(finished: Path, words: tuple[str, ...], capsys) -> None:
     options = [*words[1:], *(["--out"] if words[0] == "render" else []), "drawn"]
-    done = call(words[0], str(finished), *options, preexec_fn=limited("RLIMIT_FSIZE", 4096))
-    assert done.returncode == 1
-    assert done.stderr.splitlines()[-1].startswith("drawn/")
+    with files_up_to(4096):
+        assert crowdsim(words[0], finished, *options) == 1
+    assert capsys.readouterr().err.splitlines()[-1].startswith("drawn/")
     assert not [path for path in Path("drawn").rglob("*") if path.is_file() and path.name != "stage.json"]
 
 
@@ -185,15 +201,29 @@ def test_closed_streams_are_reported_and_no_file_takes_their_place(
     assert "Traceback" not in done.stdout + done.stderr
 
 
-@pytest.mark.parametrize(
-    "environment",
-    [{"PYTHONIOENCODING": "cp1252"}, {"PYTHONIOENCODING": "ascii"},
-     {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}],
-)  # fmt: skip
-def test_output_that_the_terminal_cannot_show_is_escaped(finished: Path, environment: dict[str, str]) -> None:
+UNSHOWN = (("status", "ゆ"), 0), (("verify", "ゆ/ゆ"), 0), (("run", "ゆ/x.yaml"), 2), (("ゆ",), 2)
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "ascii"])
+def test_output_that_the_terminal_cannot_show_is_escaped(
+    finished: Path, monkeypatch: pytest.MonkeyPatch, encoding: str
+) -> None:
     shutil.copytree(finished, "ゆ/ゆ")
-    for words, code in (("status", "ゆ"), 0), (("verify", "ゆ/ゆ"), 0), (("run", "ゆ/x.yaml"), 2), (("ゆ",), 2):
-        done = call(*words, environment=environment)
+    for words, code in UNSHOWN:
+        shown = io.BytesIO()
+        stream = io.TextIOWrapper(shown, encoding)
+        with monkeypatch.context() as patch:
+            patch.setattr(sys, "stdout", stream)
+            patch.setattr(sys, "stderr", stream)
+            assert crowdsim(*words) == code
+        stream.flush()
+        assert b"\\u3086" in shown.getvalue()
+
+
+def test_output_that_the_locale_of_a_process_cannot_show_is_escaped(finished: Path) -> None:
+    shutil.copytree(finished, "ゆ/ゆ")
+    for words, code in UNSHOWN:
+        done = call(*words, environment={"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"})
         assert (done.returncode, "Traceback" in done.stderr) == (code, False), done.stderr
         assert "\\u3086" in done.stdout + done.stderr or "\\udce3" in done.stdout + done.stderr
 

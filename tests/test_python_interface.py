@@ -385,6 +385,10 @@ def test_exports_and_pictures_of_a_run_are_those_of_the_command_line(workplace: 
             assert file.read_bytes() == ("a" / file.relative_to(out)).read_bytes()
     files = open_run("run").export("bvh", avatars=0)
     assert [file.as_posix() for file in files] == ["run/bvh/red_0.bvh", "run/bvh/avatars.csv"]
+    # What the command line has drawn is known, and not drawn again.
+    before = {path: path.stat().st_mtime_ns for path in sorted(Path("a/frames").iterdir())}
+    assert open_run("run").render("a", "0:2", "follow:3", (64, 48), png=True) == list(before)
+    assert {path: path.stat().st_mtime_ns for path in before} == before
 
 
 def test_exports_and_pictures_that_cannot_be_are_refused(take: RecordedRun) -> None:

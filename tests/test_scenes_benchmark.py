@@ -104,7 +104,7 @@ def test_scenes_are_measured_as_runs_of_the_package_are(bench: SimpleNamespace, 
     scene = bench.scenes.Scene("four", scenario, 5.0, 1)
     report = bench.scenes.play(scene, 3, bench.scenes.load_policies(scenario), 1)
     take = run(scenario)
-    assert {**measure_fights(take, after=5.0).__dict__, "seed": 3} == report
+    assert {**measure_fights(take, take.policies, after=5.0).__dict__, "seed": 3} == report
 
 
 def test_inspect_reports_the_same_figures_of_a_run(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -113,7 +113,8 @@ def test_inspect_reports_the_same_figures_of_a_run(workplace: Path, capsys: pyte
     capsys.readouterr()
     assert crowdsim("inspect", "run", "--json") == 0
     report = json.loads(capsys.readouterr().out)
-    expected = measure_fights(open_run(workplace / "run")).__dict__
+    opened = open_run(workplace / "run")
+    expected = measure_fights(opened, opened.policies).__dict__
     assert expected["distance_median"] is not None
     assert {key: report[key] for key in KEYS} == expected
     assert report["hits_per_minute_per_avatar"] == pytest.approx(report["landed_per_minute"])

@@ -5,6 +5,7 @@ import importlib
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -18,10 +19,15 @@ MODULES = sorted(path for path in PACKAGE.rglob("*.py"))
 FOR_TESTS = {"STATE"}
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def references(path: Path) -> set[str]:
     """Names that a file reads, strings that are a name among them."""
     found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
             found.add(node.id)
         elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load):
@@ -34,7 +40,7 @@ def references(path: Path) -> set[str]:
 def definitions(path: Path) -> set[str]:
     """Functions, classes and single constants at the top level of a file, but for commands."""
     found: set[str] = set()
-    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+    for node in parsed(path).body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             if not any(ast.unparse(item).startswith("app.") for item in node.decorator_list):
                 found.add(node.name)
@@ -45,7 +51,7 @@ def definitions(path: Path) -> set[str]:
 
 def imports(path: Path, everywhere: bool = True) -> set[str]:
     """Absolute names of the modules that a file imports, at its top level only unless ``everywhere``."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = parsed(path)
     nodes = ast.walk(tree) if everywhere else iter(tree.body)
     found: set[str] = set()
     for node in nodes:
@@ -76,17 +82,19 @@ PLAIN = {PACKAGE / name for name in ("jit.py", "core/types.py", "config/files.py
 """What kernels may import beside one another."""
 
 
-@pytest.mark.parametrize("path", [path for path in MODULES if holds_kernels(path)], ids=relative)
-def test_kernels_import_only_kernels_core_jit_and_what_numba_compiles(path: Path) -> None:
-    names = {name for name in imports(path) if not name.startswith("crowdsim.")}
-    allowed = {"collections", "numpy", "numba", "math", "typing", "__future__"}
-    if path.parent.parent.name == "policy" and path.parent.name != "kernels":
-        allowed |= {"dataclasses", "pydantic"}  # keys of recipes beside the kernels that give them their meaning
-    assert {name.split(".")[0] for name in names} <= allowed
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("crowdsim."):
-            source = ROOT.joinpath(*node.module.split(".")).with_suffix(".py")
-            assert source in PLAIN or holds_kernels(source), node.module
+def test_kernels_import_only_kernels_core_jit_and_what_numba_compiles() -> None:
+    kernels = list(filter(holds_kernels, MODULES))
+    assert kernels
+    for path in kernels:
+        names = {name for name in imports(path) if not name.startswith("crowdsim.")}
+        allowed = {"collections", "numpy", "numba", "math", "typing", "__future__"}
+        if path.parent.parent.name == "policy" and path.parent.name != "kernels":
+            allowed |= {"dataclasses", "pydantic"}  # keys of recipes beside the kernels that give them their meaning
+        assert {name.split(".")[0] for name in names} <= allowed, path
+        for node in ast.walk(parsed(path)):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("crowdsim."):
+                source = ROOT.joinpath(*node.module.split(".")).with_suffix(".py")
+                assert source in PLAIN or holds_kernels(source), f"{path}: {node.module}"
 
 
 LIBRARY = {
@@ -99,34 +107,26 @@ NOT_ON_DEVICES = {"ceil", "floor", "rint", "round", "sqrt", "trunc"}
 """Functions of numpy that do not compile for GPUs; those of ``math`` do."""
 
 
-@pytest.mark.parametrize(
-    "path",
-    [path for path in MODULES if relative(path).startswith(("crowdsim/crowd/kernels", "crowdsim/places/kernels"))],
-    ids=relative,
-)
-def test_kernels_of_control_call_no_mathematical_library(path: Path) -> None:
-    assert not library_calls(ast.parse(path.read_text(encoding="utf-8")))
+def test_kernels_of_control_call_no_mathematical_library() -> None:
+    control = [
+        one for one in MODULES if relative(one).startswith(("crowdsim/crowd/kernels", "crowdsim/places/kernels"))
+    ]
+    assert control
+    assert [(path, call) for path in control for call in library_calls(parsed(path))] == []
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        path
-        for path in MODULES
-        if path.parent.relative_to(PACKAGE).as_posix() in ("core", "policy/axes", "policy/terms")
-    ],
-    ids=relative,
-)
-def test_what_kernels_of_control_call_calls_no_mathematical_library(path: Path) -> None:
+def test_what_kernels_of_control_call_calls_no_mathematical_library() -> None:
+    called = [path for name in ("core", "policy/axes", "policy/terms") for path in (PACKAGE / name).glob("*.py")]
     kernels = [
-        node
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        (path, node)
+        for path in called
+        if path.name != "quaternions.py"
+        for node in ast.walk(parsed(path))
         if isinstance(node, ast.FunctionDef) and any("kernel" in ast.unparse(one) for one in node.decorator_list)
     ]
-    if path.name == "quaternions.py":
-        assert not [one for one in MODULES if "crowd/kernels" in one.as_posix() and "quaternions" in one.read_text()]
-        return
-    assert not [call for node in kernels for call in library_calls(node)]
+    assert kernels
+    assert [(path, call) for path, node in kernels for call in library_calls(node)] == []
+    assert not [one for one in MODULES if "crowd/kernels" in one.as_posix() and "quaternions" in one.read_text()]
 
 
 def library_calls(tree: ast.AST) -> list[str]:
@@ -150,19 +150,18 @@ def library_calls(tree: ast.AST) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("path", [path for path in MODULES if not holds_kernels(path)], ids=relative)
-def test_only_kernels_are_compiled(path: Path) -> None:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+def test_only_kernels_are_compiled() -> None:
     decorators = [
-        ast.unparse(item)
-        for node in ast.walk(tree)
+        (relative(path), ast.unparse(item))
+        for path in MODULES
+        if not holds_kernels(path)
+        for node in ast.walk(parsed(path))
         if isinstance(node, ast.FunctionDef)
         for item in node.decorator_list
     ]
-    if relative(path) == "crowdsim/crowd/cuda/threads.py":
-        # What threads of a GPU share, compiled for it alone.
-        decorators = [text for text in decorators if text != "cuda.jit(device=True)"]
-    assert not [text for text in decorators if text.split("(")[0] == "kernel" or "jit" in text]
+    compiled = {one for one in decorators if one[1].split("(")[0] == "kernel" or "jit" in one[1]}
+    # What threads of a GPU share, compiled for it alone.
+    assert compiled == {("crowdsim/crowd/cuda/threads.py", "cuda.jit(device=True)")}
 
 
 # What opens, lists, moves or removes files; inside folders of outputs only crowdsim.files does.
@@ -202,23 +201,24 @@ HOUSES = [path for name in ("runs", "take", "batch", "outputs") for path in sort
 HOUSES += [PACKAGE / name for name in ("export/posed.py", "export/stream.py", "render/batch.py", "render/parts.py")]
 
 
-@pytest.mark.parametrize("path", HOUSES, ids=relative)
-def test_files_inside_folders_of_outputs_are_touched_by_one_module_alone(path: Path) -> None:
+def test_files_inside_folders_of_outputs_are_touched_by_one_module_alone() -> None:
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if not isinstance(node, ast.Call):
-            continue
-        name = ast.unparse(node.func)
-        if name in DOOR or (isinstance(node.func, ast.Attribute) and node.func.attr in METHODS and "." in name):
-            found.add(f"{relative(path)}: {name}")
+    for path in HOUSES:
+        for node in ast.walk(parsed(path)):
+            if isinstance(node, ast.Call):
+                name = ast.unparse(node.func)
+                if name in DOOR or (isinstance(node.func, ast.Attribute) and node.func.attr in METHODS and "." in name):
+                    found.add(f"{relative(path)}: {name}")
     assert found <= set(OTHER_WAYS)
 
 
-@pytest.mark.parametrize("path", MODULES, ids=relative)
-def test_only_point_clouds_import_open3d(path: Path) -> None:
-    if any(name.split(".")[0] == "open3d" for name in imports(path)):
-        assert relative(path) == "crowdsim/export/cloud_files.py"
-    assert not any(name.split(".")[0] in ("open3d", "pickle") for name in imports(path, everywhere=False))
+def test_only_point_clouds_import_open3d() -> None:
+    def importing(names: set[str], everywhere: bool) -> set[str]:
+        found = {path: {name.split(".")[0] for name in imports(path, everywhere)} for path in MODULES}
+        return {relative(path) for path, imported in found.items() if imported & names}
+
+    assert importing({"open3d"}, everywhere=True) <= {"crowdsim/export/cloud_files.py"}
+    assert importing({"open3d", "pickle"}, everywhere=False) == set()
 
 
 def test_help_loads_neither_numba_nor_open3d() -> None:
@@ -234,13 +234,13 @@ def test_help_loads_neither_numba_nor_open3d() -> None:
     assert "inspect" in done.stdout
 
 
-@pytest.mark.parametrize("path", MODULES, ids=relative)
-def test_every_module_imports_and_every_public_name_exists(path: Path) -> None:
-    dotted = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
-    module = importlib.import_module(dotted)
-    assert module.__doc__
-    for name in getattr(module, "__all__", []):
-        assert getattr(module, name) is not None
+def test_every_module_imports_and_every_public_name_exists() -> None:
+    for path in MODULES:
+        dotted = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+        module = importlib.import_module(dotted)
+        assert module.__doc__, path
+        for name in getattr(module, "__all__", []):
+            assert getattr(module, name) is not None, f"{path}: {name}"
 
 
 def test_an_unknown_name_of_the_package_is_refused_with_those_it_has() -> None:

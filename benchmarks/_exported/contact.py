@@ -7,32 +7,44 @@ from typing import Any
 import numpy as np
 
 from _exported.capsules import capsule_depths
+from _exported.plain_bvh import Array
 from _exported.run import ExportedRun, between_frames
-from _exported.witness import JOINTS
+from _exported.witness import JOINTS, PARTS, unit
 
 TOUCH = 0.02
 """How far from the surface that it hits a fist may be [m]."""
+HEIGHT = 1.75
+"""Height of a body for which lengths below are given [m]."""
+GLOVE = 0.0684
+"""Radius of a glove [m]."""
+SKINS = {
+    (0.1, 0.1): (0.0, 0.0, 0.0, 0.0),
+    (0.115, 0.115): (0.036, -0.006, -0.01, -0.01),
+    (0.12, 0.075): (0.049, -0.014, 0.002, -0.008),
+    (0.07, 0.07): (0.0, -0.007, -0.002, -0.002),
+    (0.052, 0.052): (0.0, 0.0, 0.015, 0.015),
+    (0.105, 0.105): (0.0, 0.003, -0.014, -0.014),
+    (0.056, 0.043): (0.0, 0.0, 0.005, -0.003),
+}
+"""Capsules of trunk, head and upper arms by their radii: how far their skin is to both sides and ahead, and how much
+thicker it is at both ends [m]."""
 DISC = 0.2
 """Radius of the disc on the floor around a pelvis whose overlap is measured [m]."""
 
 
 def fists(run: ExportedRun) -> dict[str, Any]:
-    """Distance of striking fists from the surface of head (a sphere) or torso (a capsule from pelvis to neck) [m].
+    """Distance of the surface of striking fists from the skin of head, trunk and upper arms [m], outside or inside.
 
-    The fist is its middle. ``buried`` are strikes that are reported as missed although the fist is in the body by
-    more than ``TOUCH``.
+    A fist is a ball as large as gloves of skins are. Skins are capsules of the bundle, but those that go up the trunk
+    lie in pairs, side by side: see ``SKINS``. ``buried`` are strikes that are reported as missed although their
+    fist is in the body by more than ``TOUCH``.
     """
-    sizes, pelvis, neck = run.sizes, JOINTS.index("pelvis"), JOINTS.index("neck")
     gaps, strikes = [], [strike for strike in run.strikes() if strike.limb < 2]
     for strike in strikes:
-        frame, body, size = strike.seconds * run.fps, run.figures[strike.victim], float(run.scales[strike.victim])
+        frame = strike.seconds * run.fps
         fist = between_frames(run.figures[strike.attacker].fists[:, strike.limb], frame)
-        low, high = (between_frames(body.joints[:, joint], frame) for joint in (pelvis, neck))
-        axis = high - low
-        share = np.clip(np.dot(fist - low, axis) / np.dot(axis, axis), 0.0, 1.0)
-        to_torso = float(np.linalg.norm(fist - low - share * axis)) - sizes.torso_radius * size
-        to_head = float(np.linalg.norm(fist - between_frames(body.head, frame))) - sizes.head_radius * size
-        gaps.append(min(to_torso, to_head))
+        size = run.sizes.height / HEIGHT * float(run.scales[strike.attacker])
+        gaps.append(above_skin(run, strike.victim, frame, fist) - GLOVE * size)
     gap, landed = np.array(gaps), np.array([strike.landed for strike in strikes], bool)
     far = np.abs(gap[landed])
     if not len(far):
@@ -51,6 +63,36 @@ def fists(run: ExportedRun) -> dict[str, Any]:
             "gap": float(gap[worst]),
         },
     }
+
+
+def above_skin(run: ExportedRun, avatar: int, frame: float, point: Array) -> float:
+    """Return how far a point (3,) is outside the skin of trunk, head and upper arms, negative inside [m]."""
+    sizes, parts = run.sizes, run.sizes.capsule_parts()
+    size, scale = sizes.height / HEIGHT * float(run.scales[avatar]), float(run.scales[avatar])
+    shown = [PARTS.index(part) for part in ("torso", "head", "left_upper_arm", "right_upper_arm")]
+    skins = [
+        (
+            *between_frames(run.capsules[avatar][:, capsule].astype(float), frame),
+            sizes.capsule_radii[capsule] * scale,
+            fit,
+        )
+        for capsule in np.flatnonzero(np.isin(parts, shown))
+        for radii, fit in SKINS.items()
+        if np.allclose(sizes.capsule_radii[capsule], np.array(radii) * sizes.height / HEIGHT)
+    ]
+    if len(skins) < np.isin(parts, shown).sum():
+        raise ValueError(f"capsules of avatar {avatar} have radii that no skin is known for, expected those of `SKINS`")
+    joints = between_frames(run.figures[avatar].joints, frame)
+    across = unit(joints[JOINTS.index("left_shoulder")] - joints[JOINTS.index("right_shoulder")])
+    ahead = unit(np.cross(across, joints[JOINTS.index("neck")] - joints[JOINTS.index("chest")]))
+    found = np.inf
+    for start, end, radii, (wider, further, *thicker) in skins:
+        for aside in (wider, -wider):
+            axis, way = end - start, point - start - size * (aside * across + further * ahead)
+            share = np.clip(np.dot(way, axis) / max(np.dot(axis, axis), 1e-12), 0.0, 1.0)
+            radius = radii + np.array(thicker) * size
+            found = min(found, float(np.linalg.norm(way - share * axis) - radius[0] - share * (radius[1] - radius[0])))
+    return found
 
 
 def overlap(run: ExportedRun) -> dict[str, Any]:

@@ -39,6 +39,9 @@ def run_scene(
     scenario = load_scenario(name, overrides)
     if most is not None:
         scenario = load_scenario(name, overrides, fraction=min(1.0, most / scenario.avatar_count))
+        # Small policies have no falls: an avatar that is knocked down would leave.
+        types = {key: kind.model_copy(update={"damage": None}) for key, kind in scenario.types.items()}
+        scenario = scenario.model_copy(update={"types": types, "until": None})
     run_to(folder / name, scenario, mocap=mocap)
     return folder / name
 

@@ -91,7 +91,7 @@ def collect(folder: Path, take: Take, mark: str) -> dict[str, Any]:
     return {
         "state": "done",
         "outputs": mark,
-        "statistics": {**asdict(measure_fights(take)), **manifest["statistics"]},
+        "statistics": {**asdict(measure_fights(take, take.policies)), **manifest["statistics"]},
         "seconds": manifest["seconds"],
         "peak_memory_bytes": manifest["peak_memory_bytes"],
         "bytes": sum(sizes),

@@ -7,9 +7,9 @@ written again. So a task whose worker has died is done by another one, from the 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,8 +23,7 @@ from crowdsim.runs.folder import RESOLVED
 from crowdsim.runs.lock import find_owner, hold_folder
 from crowdsim.runs.opening import recorded
 from crowdsim.runs.provenance import document_difference
-from crowdsim.runs.stage import complete_alone, wanted_pictures, write_together
-from crowdsim.scenario.cameras import camera_name
+from crowdsim.runs.stage import complete_alone, record_pictures
 from crowdsim.scenario.outputs import Outputs
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.store import open_take
@@ -174,16 +173,10 @@ def _join(job: Job, progress: Callable[[str, int, int], None]) -> None:
     from crowdsim.render.batch import adopt_frames, render
 
     source, options = _source(job)
-    assert job.run.outputs.render is not None
-    camera, (width, height) = camera_name(job.run.outputs.render.camera), options.size
-    drawn = {
-        "size": f"{width}x{height}", "fps": options.fps, "frames": options.frames, "camera": camera,
-        **asdict(options.look),
-    }  # fmt: skip
 
     @contextmanager
-    def record(folder: Path, planned: Sequence[Path], mark: str) -> Iterator[Writing]:
-        with write_together(folder, wanted_pictures(folder, planned, mark, drawn), folder) as writing:
+    def record(folder: Path, *more: Any) -> Iterator[Writing]:
+        with record_pictures(folder, *more, run=folder) as writing:
             if not writing.done:
                 apart = [name for name in entries(job.batch, f"{WORK}/{job.run.id}") if name.startswith("pictures-")]
                 adopt_frames(writing.folder, [job.work / name for name in apart])

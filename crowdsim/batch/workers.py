@@ -213,7 +213,7 @@ def dashboard_address(client: Client) -> str:
     """Return the address of the scheduler's dashboard; nothing where none answers."""
     with suppress(Exception):
         address = str(client.dashboard_link)
-        with urllib.request.urlopen(address, timeout=2.0) as answer:
+        with urllib.request.urlopen(address, timeout=PATIENCE) as answer:
             return address if answer.status == 200 else ""
     return ""
 

@@ -7,6 +7,7 @@ width k of its blend, and its weight w, which is negative for dents.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -39,11 +40,12 @@ class Shapes:
     weights: Array
     groups: Array
 
-    def bounds(self, shape: int, margin: float) -> tuple[Array, Array]:
-        """Return the box around a shape and a margin."""
-        reach = self.radii[shape].max() * np.linalg.norm(np.linalg.inv(self.frames[shape]), axis=1) + margin
-        ends = np.stack([self.starts[shape], self.ends[shape]])
-        return ends.min(axis=0) - reach, ends.max(axis=0) + reach
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """The boxes out of which shapes count for nothing: their lowest and highest corners. Shape (S, 3) each."""
+        reach = self.radii.max(axis=1)[:, None] * np.linalg.norm(np.linalg.inv(self.frames), axis=2)
+        reach += _FAR * self.blends[:, None]
+        return np.minimum(self.starts, self.ends) - reach, np.maximum(self.starts, self.ends) + reach
 
     def distance(self, shape: int, points: Array) -> tuple[Array, Array]:
         """Return the distance (n,) of points to a shape to first order, and its gradient (n, 3)."""
@@ -63,8 +65,10 @@ class Shapes:
 def evaluate(shapes: Shapes, points: Array) -> tuple[Array, Array]:
     """Return an estimate of the distance (n,) [m] of points to the surface, negative inside, and its normal (n, 3)."""
     total, slope = np.full(len(points), _EMPTY), np.zeros((len(points), 3))
-    for shape in range(len(shapes.starts)):
-        near = _near(shapes, shape, points)
+    lows, highs = shapes.bounds
+    x, y, z = np.ascontiguousarray(points.T)
+    for shape, ((a, b, c), (d, e, f)) in enumerate(zip(lows, highs, strict=True)):
+        near = np.flatnonzero((x > a) & (x < d) & (y > b) & (y < e) & (z > c) & (z < f))
         gap, normal = shapes.distance(shape, points[near])
         share = shapes.weights[shape] * np.exp(np.minimum(-gap / shapes.blends[shape], 60.0))
         total[near] += share
@@ -85,14 +89,13 @@ def group_distances(shapes: Shapes, points: Array, count: int) -> Array:
 
 def sample(shapes: Shapes, spacing: float) -> tuple[Array, Array]:
     """Return the field on a grid, shape (X, Y, Z), float32, and the place of its first point [m]."""
-    boxes = [shapes.bounds(shape, _FAR * shapes.blends[shape]) for shape in range(len(shapes.starts))]
-    low = np.min([box[0] for box in boxes], axis=0) - 2 * spacing
-    high = np.max([box[1] for box in boxes], axis=0) + 2 * spacing
+    lows, highs = shapes.bounds
+    low, high = lows.min(axis=0) - 2 * spacing, highs.max(axis=0) + 2 * spacing
     sizes = np.ceil((high - low) / spacing).astype(int) + 1
     total = np.full(sizes, _EMPTY, np.float32)
-    for shape, box in enumerate(boxes):
-        first = np.maximum(np.floor((box[0] - low) / spacing).astype(int), 0)
-        last = np.minimum(np.ceil((box[1] - low) / spacing).astype(int) + 1, sizes)
+    firsts = np.maximum(np.floor((lows - low) / spacing).astype(int), 0)
+    lasts = np.minimum(np.ceil((highs - low) / spacing).astype(int) + 1, sizes)
+    for shape, (first, last) in enumerate(zip(firsts, lasts, strict=True)):
         axes = [low[axis] + spacing * np.arange(first[axis], last[axis]) for axis in range(3)]
         points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         gap, _ = shapes.distance(shape, points)
@@ -100,8 +103,3 @@ def sample(shapes: Shapes, spacing: float) -> tuple[Array, Array]:
         here = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
         total[here] += share.reshape(last - first).astype(np.float32)
     return np.log(np.maximum(total, _EMPTY)), low
-
-
-def _near(shapes: Shapes, shape: int, points: Array) -> Array:
-    low, high = shapes.bounds(shape, _FAR * shapes.blends[shape])
-    return np.flatnonzero(np.all((points > low) & (points < high), axis=1))

@@ -53,8 +53,10 @@ def wanted_lengths(binding: Binding, build: Build, coarseness: float = 1.0) -> C
 
     def lengths(points: Array) -> Array:
         found = np.full(len(points), 0.0262 * size)
+        columns = np.ascontiguousarray(points.T)
         for centre, radius, length in spots:
-            beyond = np.maximum(np.linalg.norm(points - centre, axis=1) - radius * size, 0.0)
+            x, y, z = columns - centre[:, None]
+            beyond = np.maximum(np.sqrt(x * x + y * y + z * z) - radius * size, 0.0)
             np.minimum(found, length * size + 0.28 * beyond, out=found)
         return found * coarseness
 

@@ -22,6 +22,7 @@ from crowdsim.errors import BvhError
 _HARD_TOKENS = 4096
 _LARGEST = 1 << 30
 _MOST_FINDINGS = 8
+_GLUED = re.compile(rb"(\d\.?)(?=-[\d.])")
 _NUMBERS = re.compile(rb"\S+")
 _LINE_FEED, _RETURN = b"\n\r"
 
@@ -204,6 +205,14 @@ def _read_motion(scanner: Scanner, columns: int, declared: int) -> _Rows:
         at, count, hards = int(state[0]), int(state[1]), int(state[2])
         for number, first, last in hard[:hards].tolist():
             value = read_number(scanner.data[first:last])
+            if value is None and number < declared * columns and _GLUED.search(scanner.data[first:last]):
+                # Recorders that leave out a blank: where rows are whole then, that is what it was.
+                parted = scanner.data[:start] + _GLUED.sub(rb"\1 ", scanner.data[start:])
+                if (lines_of_numbers(parted, start)[:declared, 1] == columns).all():
+                    what = f"{show(scanner.data[first:last])}: numbers without a blank between, parted at their signs"
+                    scanner.note(what, first)
+                    scanner.data = parted
+                    return _read_motion(scanner, columns, declared)
             if value is None:
                 return _Rows(_end_of_motion(scanner, values, number, first, columns, declared), scanner, start)
             values[number] = value
@@ -219,7 +228,7 @@ def _read_motion(scanner: Scanner, columns: int, declared: int) -> _Rows:
         return _Rows(np.zeros((0, 0)), scanner, start)
     odd_lines = int(state[4]) + (int(state[3]) not in (0, columns))
     if odd_lines:
-        return _odd_rows(scanner, start, values[:count], columns)
+        return _odd_rows(scanner, start, values[:count], columns, declared)
     return _Rows(values[:count].reshape(-1, columns), scanner, start)
 
 
@@ -234,7 +243,7 @@ def _end_of_motion(scanner: Scanner, values: Array, count: int, place: int, colu
     return values[: rows * columns].reshape(-1, columns)
 
 
-def _odd_rows(scanner: Scanner, start: int, values: Array, columns: int) -> _Rows:
+def _odd_rows(scanner: Scanner, start: int, values: Array, columns: int, declared: int) -> _Rows:
     """Make rows of numbers whose lines do not all hold one row.
 
     Where most lines hold one row, lines are rows, and the odd ones are left out; else line ends mean nothing, and only
@@ -242,6 +251,9 @@ def _odd_rows(scanner: Scanner, start: int, values: Array, columns: int) -> _Row
     """
     lines = lines_of_numbers(scanner.data, start)
     odd = lines[:, 1] != columns
+    if len(lines) > 2 and np.ptp(lines[:, 1]) == 0 and abs(len(lines) - declared) <= 1:
+        place = scanner.where(place_of_number(scanner.data, start, 0))
+        raise BvhError(f"{place}: {len(lines)} rows of {lines[0, 1]} numbers, expected {columns}, one a channel")
     firsts = np.cumsum(lines[:, 1]) - lines[:, 1]
     if 2 * odd.sum() <= len(lines):
         more = f", and {odd.sum() - 1} more such rows" if odd.sum() > 1 else ""

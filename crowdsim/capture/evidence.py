@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -35,6 +36,9 @@ _CALM = 3.0
 """Width of the smoothing of these speeds, in frames."""
 _STANCE, _LEAVES, _STANCES = 8, 0.1, 4
 """Frames that a stance on one foot has, how far the trunk goes over it, and number of stances that suffice [m]."""
+_STRIDE, _LIKE, _STEADY, _STEPS = 0.3, (0.6, 1.6), 1.3, 3
+"""How far feet get from one another in steps of a walk, at the least [m]; how far the root goes meanwhile, as shares of
+that; how much more than the lower quartile the upper one of a steady walk is, at the most; and steps that suffice."""
 _COUNTED = 0.94
 """Share of frames that count, by the speed of the root."""
 SIDES = ("left", "right")
@@ -185,6 +189,30 @@ class Evidence:
             return None
         pulls, levels, heights, frames_alone = np.sum(found, axis=0)
         return float(np.sqrt(pulls / levels) * heights / frames_alone * self.fps**2)
+
+    @cached_property
+    def pace(self) -> float | None:
+        """How far a step of a steady walk goes, times how long it takes [m s]; None without a steady walk.
+
+        Those who walk faster take longer steps and more of them, in one proportion: the walk ratio (Sekiya and others,
+        The invariant relationship between step length and step rate during free walking, 1996).
+        """
+        if not self._travels:
+            return None
+        ways = unit(self.travel * np.array([1.0, 0.0, 1.0]))
+        apart = np.sum((self.soles[:, 0] - self.soles[:, 1]) * ways, axis=1)
+        found = []
+        for run in self._runs():
+            root, passes = self.root[run][:, [0, 2]], np.flatnonzero(np.diff(apart[run] > 0.0)) + 1
+            for start, stop in pairwise(passes):
+                way = float(np.linalg.norm(root[stop] - root[start]))
+                reach = float(np.abs(apart[run][start:stop]).max())
+                if reach > _STRIDE and _LIKE[0] * reach < way < _LIKE[1] * reach:
+                    found.append(way * (stop - start) / self.fps)
+        if len(found) < _STEPS:
+            return None
+        low, middle, high = np.quantile(found, (0.25, 0.5, 0.75))
+        return float(middle) if high < _STEADY * low else None
 
     @cached_property
     def _trunk(self) -> Array:

@@ -86,6 +86,9 @@ def find_up_axis(rest: Array | None, poses: Array, heads: list[int], feet: list[
     if clear >= _UPRIGHT and (posed == rested or upright < _UPRIGHT or len(poses) < 2):
         return posed
     candidates = [name for name, strength in ((posed, clear), (rested, upright)) if strength >= _UPRIGHT]
+    if candidates == [rested] and len(poses) > 1 and _unrest(poses, posed) < 0.5 * _unrest(poses, rested):
+        # A body that lies most of the time, on a floor along another axis than that of the rest pose.
+        return posed
     if not candidates:
         candidates = ["y", "z"] if len(poses) > 1 else []
     if not candidates:

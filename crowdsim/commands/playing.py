@@ -51,6 +51,7 @@ def play(
     mocap: Mocap = None,
 ) -> None:
     """Play a scenario live in the browser, and interfere: drag targets, tune types, take avatars out; record it."""
+    from crowdsim.compilation import watch_compilation
     from crowdsim.jit.environment import load_numba
     from crowdsim.runs.folder import check_folder
     from crowdsim.runs.playing import Session
@@ -67,7 +68,12 @@ def play(
             count = f"{scenario.avatar_count:,} avatars"
             note(f"{count} cannot be posed in real time: they will be slower; --set gives fewer")
         command = shlex.join(["crowdsim", *sys.argv[1:]])
-        session = Session(scenario, _policies(scenario, mocap, threads), threads)
+        policies = _policies(scenario, mocap, threads)
+        with Bars() as bars, watch_compilation(bars.note):
+            session = Session(scenario, policies, threads)
+            if scenario.avatar_count <= _MANY:
+                # Compiled now, it does not stop the scene when someone asks why.
+                session.explain()
 
         safe: list[Path] = []
 
@@ -94,10 +100,11 @@ def play(
                 note(
                     f"it is still being recorded; until that is done, {kept / 'scenario.yaml'} repeats what was played"
                 )
-            # What has come must not wait for a step.
-            stage.close()
+            # A long step must not keep what was played from being written.
+            ended = stage.close()
             _keep(session, folder)
-            session.close()
+            if ended:
+                session.close()
 
 
 def _scenario(thing: str, seed: int | None, overrides: list[str]) -> tuple[Scenario, str]:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack
-from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -68,7 +66,7 @@ def render(
     from crowdsim.render.look import Look
     from crowdsim.render.options import RenderOptions
     from crowdsim.runs.opening import open_run
-    from crowdsim.runs.stage import wanted_pictures, write_together
+    from crowdsim.runs.stage import record_pictures
     from crowdsim.scenario.camera_files import read_shots
     from crowdsim.scenario.frame_ranges import parse_frames
 
@@ -93,11 +91,8 @@ def render(
         run = open_run(folder)
         return run.source(wanted.fps or run.fps, threads), run.notes
 
-    drawn = {"size": size, "fps": fps, "frames": frames, "camera": camera, **asdict(options.look)}
-    drawn |= {} if shots is None else {"shots": str(shots)}
-
-    def record(folder: Path, planned: Sequence[Path], mark: str) -> AbstractContextManager[Writing]:
-        return write_together(folder, wanted_pictures(folder, planned, mark, drawn), runs.get(folder), force, threads)
+    def record(folder: Path, *more: Any) -> AbstractContextManager[Writing]:
+        return record_pictures(folder, *more, run=runs.get(folder), force=force, threads=threads)
 
     if out is not None and len(things) == 1:
         outs = [out]

@@ -62,7 +62,7 @@ def view(
     """Play a run or BVH files in the browser, from a small server or as one page to send."""
     from crowdsim.compilation import watch_compilation
 
-    served = {"--port": port, "--host": host, "--no-open": no_open or None}
+    served = {"--port": port, "--host": host}
     if html is not None and any(value is not None for value in served.values()):
         which = next(name for name, value in served.items() if value is not None)
         raise CrowdsimError(f"{which} has no effect on --html, expected one of them")

@@ -1,25 +1,25 @@
 """Exponentials of numbers up to 0, which vectorise, as library functions do not."""
 
+import numpy as np
+
 from crowdsim.jit import kernel
 
 
 @kernel(inline=True)
-def exponential(value):
-    """Return the exponential of a number up to 0, with a relative error of 1e-9; below -32 that of -32.
+def faded(gap):
+    """Return exp(-gap) of a number from 0 on, float32, with a relative error of 6e-6; above 32 that of 32.
 
-    exp(v) = exp(v / 1024) ^ 1024: the polynomial that is best for so small a number, and ten squarings.
+    exp(v) = exp(v / 32) ^ 32, the polynomial that is best there, and five squarings.
     """
-    y = max(value, -32.0) * (1.0 / 1024.0)
-    v = 0.9999999999995212 + y * (
-        0.9999999992338505 + y * (0.49999980375826153 + y * (0.16664906210443037 + y * 0.04102110216102971))
-    )
-    v *= v
-    v *= v
-    v *= v
-    v *= v
-    v *= v
-    v *= v
-    v *= v
-    v *= v
-    v *= v
-    return v * v
+    y = min(gap, np.float32(32.0)) * np.float32(-1.0 / 32.0)
+    value = np.float32(0.000849007873) * y + np.float32(0.0076543251)
+    value = value * y + np.float32(0.0412233177)
+    value = value * y + np.float32(0.166515167)
+    value = value * y + np.float32(0.499975091)
+    value = value * y + np.float32(0.999998454)
+    value = value * y + np.float32(0.999999984)
+    value *= value
+    value *= value
+    value *= value
+    value *= value
+    return value * value

@@ -6,7 +6,7 @@ proportion to the number of arrays that it is handed.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -84,6 +84,7 @@ class Model(NamedTuple):
         outlines: Head, neck, pelvis, fists, heels and balls in the frame's ground frame [m]. Shape (L, 9, 3), or
             (0, 9, 3) where there are no obstacles, float32.
         extents: How far from the position these are at most, and the room that they need [m]. Shape (L,), float32.
+        spans: Circle around these in all of each action. Shape (A + 1,), ``records.SPAN``.
         rests: Pieces of standing at ease, and parts of walks. Shape (n,), ``REST``.
         walks: The walks, and the ways into rests that lead away. Shape (n,), ``WALK``.
         walk_points: Points of each walk about half a metre apart to its end, seen from where it begins; the last one
@@ -127,6 +128,7 @@ class Model(NamedTuple):
     soles: Array
     outlines: Array
     extents: Array
+    spans: Array
     rests: Array
     walks: Array
     walk_points: Array
@@ -141,30 +143,37 @@ class Avatars(NamedTuple):
     Slots follow the index, so that neighbours in space are neighbours in memory; those of absent avatars come last.
     Nothing that is computed depends on slots. "Before" is one control frame ago.
 
+    Positions, angles and phases are stored in single precision, as takes record them: a kilometre from the origin
+    positions are multiples of 6e-5 m. Errors do not add up while an action lasts, since each frame follows from where
+    it ends, and one action hands on no more than the rounding of its end. Kernels compute in double precision, and
+    convert what they read. In double precision is what there is one of in each cohort, or less (``World``), and
+    ``conditions``: sums of damage in parts of a point, numbers of avatars and of control frames are exact there.
+
     Attributes:
-        x: Position of each slot [m]. Shape (N,), float64.
+        x: Position of each slot [m]. Shape (N,), float32.
         z: Likewise.
-        heading: Where it looks [rad]. Shape (N,), float64.
+        heading: Where it looks [rad]. Shape (N,), float32.
         number: Number of the avatar in each slot. Shape (N,), int32.
         policy: Its policy. Shape (N,), int16.
-        team: Its team, -2 less it while the avatar is down. Shape (N,), int32.
+        team: Its team, -2 less it while the avatar is down. Shape (N,), int16.
         skip: Team that its opponent may not be of, -1 nearest of anyone, -2 ``fixed`` says. Shape (N,), int16.
         fixed: Opponent that a script gives it, as ``opponent``. Shape (N,), int32.
         opponent: Number of its opponent, -2 - k for scripted target k, -1 for none. Shape (N,), int32.
         motion: What others see of its motion. Shape (N,), ``MOTION``.
         playback: How its action is played back. Shape (N,), ``PLAYBACK``.
         slides: How far it slides while it falls. Shape (N,), or (0,) where no avatar falls, ``SLIDE``.
-        free: Phase of its action up to which its body is in no obstacle. Shape (N,), or (0,) where there are none.
+        free: Phase of its action up to which its body is in no obstacle. Shape (N,), or (0,) where there are none,
+            float32.
         fight: What its decisions read. Shape (N,), ``FIGHT``.
         slot_of: Slot of each number. Shape (N,), int32.
         shown: Motion (``Model.twins``) of each number's latest actions, a ring by decisions;
-            ``shown_motion.NONE`` for none. Shape (N, 16), uint16.
+            ``shown_motion.NONE`` for none. Shape (N, 16), uint8.
         marks: Frames in which motion was last shown around cells of the ground (``shown_motion``). Shape (a power of
             2,), uint8.
         conditions: The state of each number in a fight. Shape (N,), or (0,) where nothing of this is used,
             ``CONDITION``.
-        seen: What each number's opponent was like when it decided on its latest actions with strikes, those of even
-            and of odd decisions. Shape (N, 2), ``SEEN``.
+        seen: Which strikes of each number's latest actions with strikes, those of even and of odd decisions, would have
+            landed on its opponent as that was when it decided, a bit each. Shape (N, 2), uint8.
     """
 
     x: Array
@@ -186,6 +195,11 @@ class Avatars(NamedTuple):
     marks: Array
     conditions: Array
     seen: Array
+
+
+def positions_of(avatars: Avatars, slots: Any) -> Array:
+    """Return the positions of some slots: x and z [m]. Shape (n, 2), or (2,) of one slot, float64."""
+    return np.stack([avatars.x[slots], avatars.z[slots]], axis=-1).astype(float)
 
 
 BY_SLOT = Avatars._fields[: Avatars._fields.index("slot_of")]

@@ -33,7 +33,8 @@ class Scratch(NamedTuple):
             Shape (2 * behaviours, actions of a block), float64.
         work: Where the target is seen from there: x, z, distance, bearing; the state; then for each behaviour the
             shares of the next distance and bearing. Shape (5 + 2 * behaviours, actions of a block), float64.
-        rows: A number for each control frame of a state's actions, or for each action. float64.
+        frames: A number for each control frame of a state's actions. float32.
+        rows: A number for each action. float64.
         layers: Cells around a target on axes that are not over the ground. Shape (64,), int64.
         layer_shares: Their shares. Shape (64,), float64.
         near: Neighbours that may be in the way. Shape (most neighbours,), ``NEIGHBOUR``.
@@ -52,6 +53,7 @@ class Scratch(NamedTuple):
     nears: Array
     cells: Array
     work: Array
+    frames: Array
     rows: Array
     layers: Array
     layer_shares: Array
@@ -90,7 +92,8 @@ def empty_scratch(model: Model, neighbours: int, batch: int) -> Scratch:
         cells=np.zeros((2 * behaviours, block * width)),
         work=np.zeros((5 + 2 * behaviours, block * width)),
         # Rows behind the last action are read and weighed by zero, which needs them to be finite.
-        rows=np.zeros(max(rows, width)),
+        frames=np.zeros(rows, np.float32),
+        rows=np.zeros(width),
         layers=np.zeros(64, np.int64),
         layer_shares=np.zeros(64),
         near=np.empty(max(neighbours, 1), NEIGHBOUR),

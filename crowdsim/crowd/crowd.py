@@ -15,7 +15,7 @@ from crowdsim.crowd.cast import Cast
 from crowdsim.crowd.distributions import EVEN_TEMPERED
 from crowdsim.crowd.initial_states import first_actions
 from crowdsim.crowd.kernels import layout
-from crowdsim.crowd.kernels.records import CONDITION, FIGHT, MOTION, PLAYBACK, RULE, SEEN, SLIDE, empty_records, records
+from crowdsim.crowd.kernels.records import CONDITION, FIGHT, MOTION, PLAYBACK, RULE, SLIDE, empty_records, records
 from crowdsim.crowd.kernels.shown_motion import LATEST, LONG_AGO, NONE
 from crowdsim.errors import RunError
 from crowdsim.places.kernels.records import PART
@@ -252,28 +252,27 @@ def build_avatars(crowd: Crowd, model: Model, order: Array | None = None) -> Ava
     slot_of[numbers] = np.arange(count, dtype=np.int32)
 
     avatars = Avatars(
-        x=np.zeros(count),
-        z=np.zeros(count),
-        heading=np.zeros(count),
+        x=np.zeros(count, np.float32),
+        z=np.zeros(count, np.float32),
+        heading=np.zeros(count, np.float32),
         number=numbers,
         policy=np.asarray(crowd.cast.policies)[numbers].astype(np.int16),
-        team=np.asarray(crowd.cast.teams)[numbers].astype(np.int32),
+        team=np.asarray(crowd.cast.teams)[numbers].astype(np.int16),
         skip=np.asarray(crowd.skip)[numbers].astype(np.int16),
         fixed=np.asarray(crowd.fixed)[numbers].astype(np.int32),
         opponent=np.zeros(count, np.int32),
         motion=empty_records(count, MOTION),
         playback=empty_records(count, PLAYBACK),
         slides=empty_records(count if crowd.conditioned else 0, SLIDE),
-        free=np.zeros(count if len(crowd.parts) else 0),
+        free=np.zeros(count if len(crowd.parts) else 0, np.float32),
         fight=empty_records(count, FIGHT),
         slot_of=slot_of,
-        shown=np.empty((count, LATEST), np.uint16),
+        shown=np.empty((count, LATEST), np.uint8),
         conditions=np.zeros(count if crowd.conditioned else 0, CONDITION),
         marks=np.full(1 << (max(_LEAST_MARKS, _MARKS * count) - 1).bit_length(), LONG_AGO, np.uint8),
-        seen=np.zeros((count, 2), SEEN),
+        seen=np.zeros((count, 2), np.uint8),
     )
     motion, playback, cast = avatars.motion, avatars.playback, crowd.cast
-    avatars.seen["frame"] = -1.0
     playback["cohort"] = np.asarray(crowd.cohort)[numbers]
     playback["scale"], motion["speed"] = cast.scales[numbers], cast.speeds[numbers]
     motion["width"] = playback["scale"] * cast.girths[numbers]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.arrays import Avatars
+from crowdsim.crowd.arrays import Avatars, positions_of
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.kernels import layout
 from crowdsim.places.arrays import Places, are_ways_clear, gaps_of
@@ -60,8 +60,8 @@ def find_entries(crowd: Crowd, avatars: Avatars, present: int, numbers: Array) -
         Positions, x and z [m]; NaN where there is none. Shape (n, 2).
     """
     here = avatars.number[:present]
-    rooms = _STANDING * avatars.motion["width"]
-    points = np.column_stack([avatars.x[:present], avatars.z[:present]])
+    rooms = _STANDING * avatars.motion["width"].astype(float)
+    points = positions_of(avatars, slice(present))
     others = rooms[:present].copy()
     if len(avatars.conditions):
         others[avatars.conditions["standing"][here] >= layout.DROPS] = _DOWN
@@ -110,13 +110,13 @@ def find_place(
     """
     here = avatars.number[:present]
     others = here != number
-    rooms = _STANDING * avatars.motion["width"]
+    rooms = _STANDING * avatars.motion["width"].astype(float)
     taken = rooms[:present].copy()
     if len(avatars.conditions):
         taken[avatars.conditions["standing"][here] >= layout.DROPS] = _DOWN
     slot = avatars.slot_of[number]
     tried = np.asarray(point, float) + np.concatenate([np.zeros((1, 2)), points_around()])
-    points = np.column_stack([avatars.x[:present], avatars.z[:present]])[others]
+    points = positions_of(avatars, slice(present))[others]
     free = _are_free(tried, np.full(len(tried), rooms[slot]), points, taken[others])
     free &= _are_inside(crowd.arena, tried)
     if len(crowd.parts):

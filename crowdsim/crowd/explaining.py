@@ -68,8 +68,6 @@ class _Explained(Stages):
     def _decide(self, world: World, now: Now, due: Array, chosen: Array) -> float:
         count = len(due)
         self.due = self._avatars.number[due]
-        if count == 0:
-            return 0.0
         neighbours = np.empty((count, self._most), np.int32)
         observed = Observed(np.empty(count, np.int32), np.empty(count, np.int32), neighbours)
         scratch = empty_scratch(self._model, self._most, count)

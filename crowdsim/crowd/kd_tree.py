@@ -29,7 +29,7 @@ def plan_tree(xs: Array, zs: Array, number: Array, team: Array) -> Tree:
     They are in any order yet: ``sort_tree`` and ``fit_tree`` come next.
     """
     depth = _depth(len(xs))
-    boxes = np.empty((2 << depth, 4))
+    boxes = np.empty((2 << depth, 4), xs.dtype)
     boxes[:, 0::2], boxes[:, 1::2] = np.inf, -np.inf
     return Tree(xs, zs, number, team, depth, boxes, np.full(len(boxes), -1, np.int32))
 

@@ -97,6 +97,12 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False, with_out
     bodies = [np.stack([database.heads, database.necks, database.pelvises], axis=1) for database in databases]
     legs = [leg_rows(*one) for one in zip(policies, np.diff(starts["state"]), strict=True)]
     firsts = [starts[name] for name in ("behaviour", "action", "state")]
+    action_records = records(action_rows(policies, actions, starts), ACTION)
+    ground = records(joined([database.ground for database in databases], np.float64), PLACE)
+    outlines = no_outlines()
+    if with_outlines:
+        of_actions = np.repeat(strides, [*np.diff(starts["action"]), 1])
+        outlines = outline_rows(policies, action_records, ground, of_actions)
     return Model(
         offsets=offsets,
         reaches=reach_rows(displacements, halts, offsets),
@@ -105,7 +111,7 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False, with_out
         leg_reaches=np.concatenate([reaches for _, reaches in legs]),
         calm=np.concatenate([calm_rows(policy) for policy in policies]),
         unguarded=np.concatenate([unguarded_rows(policy) for policy in policies]),
-        actions=records(action_rows(policies, actions, starts), ACTION),
+        actions=action_records,
         moves=moves,
         prices=prices,
         paths=Paths(
@@ -118,7 +124,7 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False, with_out
         grids=grid_records(policies),
         terms=terms,
         table=values,
-        ground=records(joined([database.ground for database in databases], np.float64), PLACE),
+        ground=ground,
         starts=records(np.concatenate(origins), PLACE),
         bodies=np.concatenate(bodies).astype(np.float32),
         arms=np.concatenate([arm_rows(database) for database in databases]),
@@ -128,7 +134,7 @@ def build_model(policies: Sequence[Policy], with_stances: bool = False, with_out
         twins=twin_states(policies, starts),
         stances=stance_rows(policies, starts["state"]) if with_stances else np.zeros((0, 2), np.uint8),
         **fall_rows(policies, starts),
-        **(outline_rows(policies) if with_outlines else no_outlines()),
+        **outlines,
         rests=records(rests, REST),
         walks=records(walks, WALK),
         walk_points=walk_points,

@@ -23,15 +23,13 @@ from crowdsim.places.description import (
     line_lengths,
 )
 from crowdsim.places.kernels.distance import CLEAR
-from crowdsim.places.kernels.records import DOOR, PART
+from crowdsim.places.kernels.records import BORDER, DOOR, PART
 from crowdsim.places.plans import read_plan
 from crowdsim.places.sketch import PlanError
 from crowdsim.scenario.groups import FixedOpponents, OtherTeamOpponents, TargetOpponents
 from crowdsim.scenario.parts import SCALES, Arena, CircleArena, NoArena
 from crowdsim.scenario.scenario import Scenario
 
-BORDER = -1
-"""Number of the ropes along the border of a solid arena, instead of that of an obstacle."""
 _SAGITTA = 0.02
 """How far ropes along a circle are inside it [m]."""
 _NARROWEST = 0.28
@@ -117,15 +115,18 @@ def fill_solids(shapes: Sequence[tuple[int, Shape]]) -> Array:
     return pack_parts(boxes, 1.0) if boxes else np.zeros(0, PART)
 
 
-def obstacle_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]], x: Array, z: Array) -> list[Finding]:
-    """Return what is wrong with obstacles and the positions of avatars at the start (N,)."""
+def obstacle_findings(
+    scenario: Scenario, shapes: Sequence[tuple[int, Shape]], places: Places, x: Array, z: Array
+) -> list[Finding]:
+    """Return what is wrong with obstacles, as shapes and built, and the positions of avatars at the start (N,)."""
     if not shapes:
         return []
-    places = build_places(pack_parts(shapes, 1.0), with_ways=False)
+    is_door = places.parts["kind"] == DOOR
+    opened = build_places(places.parts[~is_door], with_ways=False) if is_door.any() else places
     findings = _start_findings(scenario, shapes, places, x, z)
-    findings += _door_findings(scenario, shapes)
-    findings += _path_findings(scenario, shapes)
-    findings += _point_findings(scenario, shapes)
+    findings += _door_findings(scenario, shapes, opened)
+    findings += _path_findings(scenario, shapes, opened)
+    findings += _point_findings(scenario, shapes, opened)
     return findings or _enclosed_findings(scenario, _Regions(places), x, z)
 
 
@@ -232,10 +233,8 @@ def _paths(scenario: Scenario) -> Iterator[tuple[tuple[str | int, ...], Sequence
             yield ("events", i, "path"), event.path
 
 
-def _path_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]]) -> list[Finding]:
-    """Return a finding for each point of a path that is in or near an obstacle; doors count as open."""
-    parts = pack_parts(shapes, 1.0)
-    places = build_places(parts[parts["kind"] != DOOR], with_ways=False)
+def _path_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]], places: Places) -> list[Finding]:
+    """Return a finding for each point of a path that is in or near an obstacle that is no door."""
     findings = []
     for key, path in _paths(scenario):
         points = np.array(path, float)
@@ -253,10 +252,8 @@ def _path_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]]) -> l
     return findings
 
 
-def _point_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]]) -> list[Finding]:
-    """Return a finding for each point at which obstacles leave no room for an avatar of any size; doors are open."""
-    parts = pack_parts(shapes, 1.0)
-    places = build_places(parts[parts["kind"] != DOOR], with_ways=False)
+def _point_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]], places: Places) -> list[Finding]:
+    """Return a finding for each point at which obstacles other than doors leave no room for an avatar of any size."""
     findings = []
     for i, event in enumerate(scenario.events):
         if event.kind != "place":
@@ -274,13 +271,9 @@ def _point_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]]) -> 
     return findings
 
 
-def _door_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]]) -> list[Finding]:
-    """Return a finding for each door that is narrow across a corner, or leads into an obstacle."""
+def _door_findings(scenario: Scenario, shapes: Sequence[tuple[int, Shape]], places: Places) -> list[Finding]:
+    """Return a finding for each door that is narrow across a corner, or leads into an obstacle other than a door."""
     walls = [(number, shape) for number, shape in shapes if isinstance(shape, WallObstacle) and shape.doors]
-    if not walls:
-        return []
-    parts = pack_parts(shapes, 1.0)
-    places = build_places(parts[parts["kind"] != DOOR], with_ways=False)
     findings = []
     for number, shape in walls:
         points = np.array([*shape.points, *(shape.points[:1] if shape.closed else ())])

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.arrays import BY_SLOT, Avatars
+from crowdsim.crowd.arrays import BY_SLOT, Avatars, positions_of
 from crowdsim.crowd.kd_tree import SERIAL, fit_tree, plan_tree, sort_tree
 from crowdsim.crowd.kernels.kd_queries import observe
 from crowdsim.crowd.kernels.kd_tree import Tree
@@ -93,7 +93,7 @@ class TreeIndex:
         """Return the length of all sides of the leaves' boxes; that of a tree which is not fitted yet has no end."""
         assert self._tree is not None
         boxes = self._tree.boxes[1 << self._tree.depth :]
-        return float(np.abs(boxes[:, 1] - boxes[:, 0]).sum() + np.abs(boxes[:, 3] - boxes[:, 2]).sum())
+        return sides_of(boxes)
 
     def observe(self, avatars: Avatars, due: Array, reach: float, out: Observed) -> None:
         """Write the nearest opponent's slot, and the slots of neighbours, for each slot of ``due``, which ascend."""
@@ -109,7 +109,7 @@ class ScipyIndex(TreeIndex):
         from scipy.spatial import cKDTree
 
         super().update(avatars, present)
-        points = np.column_stack([avatars.x[:present], avatars.z[:present]])
+        points = positions_of(avatars, slice(present))
         self._trees = {}
         for skip in np.unique(avatars.skip[:present]):
             if skip > -2:
@@ -127,7 +127,7 @@ class ScipyIndex(TreeIndex):
             if tree is None or len(rows) == 0:
                 continue
             own = due[rows]
-            points = np.column_stack([avatars.x[own], avatars.z[own]])
+            points = positions_of(avatars, own)
             distances, _ = tree.query(points, k=min(2, len(slots)))
             nearest = distances.reshape(len(own), -1)[:, -1 if skip == -1 else 0]
             near = tree.query_ball_point(points, np.where(np.isfinite(nearest), nearest * (1 + 1e-9) + 1e-12, 0.0))
@@ -135,9 +135,15 @@ class ScipyIndex(TreeIndex):
                 candidates = slots[found]
                 candidates = candidates[candidates != slot]
                 if len(candidates):
-                    dx, dz = avatars.x[candidates] - avatars.x[slot], avatars.z[candidates] - avatars.z[slot]
+                    dx, dz = (positions_of(avatars, candidates) - positions_of(avatars, slot)).T
                     best = np.lexsort((avatars.number[candidates], dx * dx + dz * dz))[0]
                     out.opponents[row] = candidates[best]
+
+
+def sides_of(boxes: Array) -> float:
+    """Return the length of all sides of some boxes (n, 4) [m]."""
+    sides = np.diff(boxes.astype(float), axis=1)[:, ::2]
+    return float(np.abs(sides).sum())
 
 
 def build_index(search: str, workers: Workers, sort_every: int = SORT_EVERY) -> Index:

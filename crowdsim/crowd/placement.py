@@ -41,8 +41,9 @@ def place_groups(scenario: Scenario) -> Array:
     placed = np.empty((3, int(starts[-1])))
     x, z, headings = placed
     shapes = scenario_shapes(scenario)
-    parts = pack_parts(shapes, 1.0) if shapes else np.zeros(0, PART)
-    places = build_places(np.concatenate([parts, fill_solids(shapes)]), with_ways=False)
+    parts, solids = pack_parts(shapes, 1.0) if shapes else np.zeros(0, PART), fill_solids(shapes)
+    obstacles = build_places(parts, with_ways=False)
+    places = build_places(np.concatenate([parts, solids]), with_ways=False) if len(solids) else obstacles
     for i in range(len(groups)):
         start, stop = int(starts[i]), int(starts[i + 1])
         _place(scenario, i, start, stop, x, z, headings, places)
@@ -50,7 +51,7 @@ def place_groups(scenario: Scenario) -> Array:
         if groups[i].placement is not None:
             _check_arena(scenario, i, start, x[start:stop], z[start:stop])
     _check_conflicts(scenario, starts, x, z)
-    scenario.refuse(obstacle_findings(scenario, shapes, x, z))
+    scenario.refuse(obstacle_findings(scenario, shapes, obstacles, x, z))
     team = teams_of_avatars(scenario)
     for i in range(len(groups)):
         _set_headings(scenario, i, slice(int(starts[i]), int(starts[i + 1])), team, x, z, headings)
@@ -122,10 +123,11 @@ def _place(
         rank, file = np.divmod(np.arange(count), files)
         filled = np.where(rank == count // files, count - count // files * files, files)
         sign = 1.0 if placement.side == "left" else -1.0
-        away = sign * (placement.gap / 2 + rank * placement.spacing)
-        x[here], z[here] = _rotated(
-            placement.centre, placement.rotation, away, (file - (filled - 1) / 2) * placement.spacing
-        )
+        away = sign * (placement.gap / 2 + rank * (placement.depth or placement.spacing))
+        # Where ranks are offset, one that is not full keeps to the files of the others.
+        beside = np.floor((files - filled) / 2) if placement.offset else (files - filled) / 2
+        along = (file + beside - (files - 1) / 2 + rank % 2 * placement.offset) * placement.spacing
+        x[here], z[here] = _rotated(placement.centre, placement.rotation, away, along)
         heading[here] = np.radians(placement.rotation) - sign * np.pi / 2
     elif isinstance(placement, PointsPlacement):
         points = read_points(scenario, index, placement)

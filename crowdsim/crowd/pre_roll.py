@@ -50,10 +50,10 @@ def take_over(avatars: Avatars, rolled: Avatars, present: int) -> Array:
     numbers = avatars.number[slots]
     source = rolled.slot_of[numbers]
     motion, playback = rolled.motion[source], rolled.playback[source]
-    turn = avatars.heading[slots] - rolled.heading[source]
+    turn = avatars.heading[slots].astype(float) - rolled.heading[source]
     cos, sin = np.cos(turn), np.sin(turn)
     for name in ("end", "halt"):
-        x, z = motion[f"{name}_x"] - rolled.x[source], motion[f"{name}_z"] - rolled.z[source]
+        x, z = (motion[f"{name}_{axis}"].astype(float) - getattr(rolled, axis)[source] for axis in "xz")
         motion[f"{name}_x"] = avatars.x[slots] + x * cos + z * sin
         motion[f"{name}_z"] = avatars.z[slots] - x * sin + z * cos
     playback["base_turn"] += turn

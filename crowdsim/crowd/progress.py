@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.arrays import Avatars, World
+from crowdsim.crowd.arrays import Avatars, World, positions_of
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.entering import AGAIN, Arrival
 from crowdsim.crowd.kernels.layout import LANDED, TRAVELS
@@ -103,7 +103,7 @@ class Progress:
         from scipy.spatial import cKDTree
 
         group = self._crowd.group[self._avatars.number[: self.present]]
-        points = np.column_stack([self._avatars.x[: self.present], self._avatars.z[: self.present]])
+        points = positions_of(self._avatars, slice(self.present))
         if not (group == one).any() or not (group == other).any():
             return float("inf")
         return float(cKDTree(points[group == one]).query(points[group == other])[0].min())

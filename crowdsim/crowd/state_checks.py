@@ -13,7 +13,7 @@ from crowdsim.crowd.arrays import Avatars, Model, World
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.kernels import layout
 from crowdsim.crowd.kernels.choose import BURSTS
-from crowdsim.crowd.kernels.shown_motion import NONE
+from crowdsim.crowd.kernels.shown_motion import THROWN
 from crowdsim.crowd.opponents import Index
 from crowdsim.crowd.outcome import Outcome
 from crowdsim.crowd.progress import Agenda
@@ -90,7 +90,7 @@ def _check_integers(simulation: Changing, state: Mapping[str, Array]) -> None:
         "fight.hit_by": (-1, count - 1),
         "fight.hit_frame": (layout.NEVER, most),
         "fight.threat": (-1, len(DISTANCES)),
-        "fight.thrown": (-1, len(model.twins) - 1),
+        "fight.thrown": (-1, THROWN),
         "fight.thrown_until": (-1, most),
     }
     for name, (low, high) in limits.items():
@@ -116,15 +116,8 @@ def _check_numbers(simulation: Changing, state: Mapping[str, Array]) -> None:
     before = np.where(before >= 0, before, action)
     for name, shown in (("motion.phase", action), ("playback.phase_before", before)):
         values, speed = state[f"avatars.{name}"], state["avatars.motion.speed"]
-        most = model.actions["length"][shown] + speed + 1e-6
+        most = model.actions["length"][shown] + speed + 1e-4
         _refuse(f"avatars.{name}", values, (values >= 0.0) & (values <= most))
-    shown = state["avatars.shown"]
-    _refuse("avatars.shown", shown, (shown < len(model.twins)) | (shown == NONE))
-    for name in ("x", "z", "turn"):
-        seen = state[f"avatars.seen.{name}"]
-        _refuse(f"avatars.seen.{name}", seen, np.abs(seen) <= FAR)
-    frames = state["avatars.seen.frame"]
-    _refuse("avatars.seen.frame", frames, ((frames >= 0.0) & (frames <= len(model.bodies) - 1)) | (frames == -1.0))
 
 
 def _check_conditions(simulation: Changing, now: Mapping[str, Array], state: Mapping[str, Array]) -> None:

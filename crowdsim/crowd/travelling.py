@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.crowd.arrays import Avatars
+from crowdsim.crowd.arrays import Avatars, positions_of
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.entering import entries_of
 from crowdsim.crowd.kernels import layout
@@ -55,7 +55,7 @@ def travel_on(crowd: Crowd, avatars: Avatars, present: int) -> Array:
         leg = avatars.conditions["leg"][numbers].astype(int)
         way = np.column_stack([avatars.conditions["way_x"][numbers], avatars.conditions["way_z"][numbers]])
         slots = avatars.slot_of[numbers]
-        beyond = np.column_stack([avatars.x[slots], avatars.z[slots]]) - way
+        beyond = positions_of(avatars, slots) - way
         far = np.linalg.norm(beyond, axis=1)
         before = travel.points[np.maximum(leg - 1, 0)]
         has_passed = (leg > 0) & (far <= PASSED) & (np.sum(beyond * (way - before), axis=1) > 0.0)

@@ -6,6 +6,7 @@ A file that cannot be used, for whatever reason, is removed and its kernel compi
 from __future__ import annotations
 
 import hashlib
+import io
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -17,6 +18,8 @@ import numba
 import numpy as np
 from filelock import FileLock, Timeout
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.environment import Environment, lookup_environment
+from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 
 from crowdsim.jit.compilers import pack_part, unpack_part
@@ -93,9 +96,8 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         """Return what has been compiled of a signature, or None."""
-        import pickle
-
-        context.refresh()
+        # Compiled code needs numba's runtime. Compilers load its declarations too, which takes most of a second.
+        rtsys.initialize(context)
         problem = self._impl.locator.problem()
         if problem:
             report(problem)
@@ -109,7 +111,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
             problem = str(getattr(error, "strerror", error))
         else:
             try:
-                return self._impl.rebuild(context, pickle.loads(data))
+                return self._impl.rebuild(context, _unpack(data))
             except Exception as error:
                 problem = f"{type(error).__name__}: {error}"
         discard(path)
@@ -129,6 +131,31 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         _Cache.room -= size
         if _Cache.room < 0:
             _Cache.room = tidy()
+
+
+_REBUILT = ("numba.core.environment", "_rebuild_env")
+"""What numba packs environments as."""
+
+
+def _unpack(data: bytes | memoryview) -> Any:
+    """Return compiled code, without the modules that its environments name: it uses no name of theirs."""
+    import pickle
+
+    class Unpickler(pickle.Unpickler):
+        def find_class(self, module: str, name: str) -> Any:
+            return _environment if (module, name) == _REBUILT else super().find_class(module, name)
+
+    return Unpickler(io.BytesIO(data)).load()
+
+
+def _environment(module: str, constants: list[Any], name: str) -> Any:
+    """Return an environment of compiled code: the one that is there, or one of its constants alone."""
+    found = lookup_environment(name)
+    if found is None:
+        found = Environment._memo[name] = Environment({"__name__": module})
+        found.consts[:] = constants
+        found.env_name = name
+    return found
 
 
 def _describe(kind: Any) -> str:

@@ -163,7 +163,7 @@ def lead_in(clip: Clip, body: Body) -> int:
     look = round(_LOOK_AHEAD * clip.fps) + window
     while True:
         part = clip.sliced(0, min(look, count))
-        held, steps = _calibration(part, body)
+        held, _, _, steps = _calibration(part, body)
         end = int(np.argmin(held)) if not held.all() else part.frame_count
         if end + window < part.frame_count or part.frame_count == count:
             break
@@ -176,8 +176,14 @@ def lead_in(clip: Clip, body: Body) -> int:
     return min(end + round(_SETTLE * clip.fps), count - 1) if end else 0
 
 
-def _calibration(clip: Clip, body: Body) -> tuple[Array, Array]:
-    """Frames (F,) in a calibration pose, and the longer displacement (F - 1,) of the two fists in each step [m]."""
+def tee_poses(clip: Clip, body: Body) -> tuple[Array, Array]:
+    """Return in which frames a body is in a T-pose, and in which its fists keep still. Shape (F,) each, bool."""
+    _, slow, tee, _ = _calibration(clip, body)
+    return tee, slow
+
+
+def _calibration(clip: Clip, body: Body) -> tuple[Array, Array, Array, Array]:
+    """Frames (F,) in a calibration pose, with slow fists, and in a T-pose; steps (F - 1,) of the faster fist [m]."""
     positions, rotations = clip_kinematics(clip)
     tracks = build_tracks(body, positions, rotations)
     relative = tracks.fists - tracks.pelvises[:, None]
@@ -194,4 +200,4 @@ def _calibration(clip: Clip, body: Body) -> tuple[Array, Array]:
     even = np.abs(arms[:, 0, 1] - arms[:, 1, 1]) < 0.1
     slow = np.concatenate([steps, steps[-1:]])[: len(straight)] * clip.fps < _STILL * body.height / HEIGHT
     tee = straight & (sideways > _LEVEL).all(axis=1)
-    return tee | (straight & level & even & slow & (sideways > _OBLIQUE).all(axis=1)), steps
+    return tee | (straight & level & even & slow & (sideways > _OBLIQUE).all(axis=1)), slow, tee, steps

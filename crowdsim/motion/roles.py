@@ -257,8 +257,12 @@ def _trunk(tree: JointTree, roles: dict[str, int], head: int, chest: int) -> dic
 
 
 def _connectors(tree: JointTree, left: list[int], right: list[int]) -> set[int]:
-    """Joints of a pair of limbs that only connect others: they carry no rotation, or both lie in one place."""
-    found = {joint for joint in (*left, *right) if tree.fixed[joint]}
+    """Joints of a pair of limbs that only connect others: they carry no rotation, or both lie in one place.
+
+    A limb of which less than two joints rotate was not captured, and shows nothing.
+    """
+    shown = [chain for chain in (left, right) if np.count_nonzero(~tree.fixed[chain[:-1]]) > 1]
+    found = {joint for chain in shown for joint in chain if tree.fixed[joint]}
     reach = float(tree.depth[left[-1]] - tree.depth[tree.parents[left[0]]])
     for pair in zip(left, right, strict=False):
         if np.linalg.norm(tree.poses[:, pair[0]] - tree.poses[:, pair[1]], axis=-1).max() > _SAME_PLACE * reach:

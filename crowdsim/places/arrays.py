@@ -12,12 +12,12 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.places.description import BoxObstacle, DiscObstacle, RopesObstacle, Shape, WallObstacle
 from crowdsim.places.kernels.distance import CLEAR, REACH, clear_ways, gaps_at, list_parts
-from crowdsim.places.kernels.records import BOX, DISC, DOOR, PART, ROPES, WALL
+from crowdsim.places.kernels.records import BORDER, BOX, DISC, DOOR, PART, ROPES, WALL
 from crowdsim.places.kernels.routes import CORNERS, link_corners, list_seen
 
 ROPE = 0.03
 """Half the thickness of ropes [m]."""
-_CELL, _MOST_CELLS = 0.5, 250_000
+_CELL, _MOST_CELLS = 0.25, 250_000
 _WAYS_CELL, _MOST_WAYS_CELLS = 0.5, 40_000
 _BESIDE = (0.45, 0.32)
 """How far from parts the corners of ways are, where there is room, and where there is less [m]."""
@@ -86,7 +86,7 @@ def pack_parts(shapes: Sequence[tuple[int, Shape]], rate: float | None) -> Array
         length = math.hypot(to_x - x, to_z - z)
         ux, uz = ((to_x - x) / length, (to_z - z) / length) if length > 0.0 else (1.0, 0.0)
         middle = (x + to_x) / 2, (z + to_z) / 2
-        found.append((*middle, ux, uz, length / 2, 0.0, radius, length / 2 + radius, height, *times, kind, number))
+        found.append((*middle, ux, uz, length / 2, 0.0, radius, height, *times, kind, number))
 
     for number, shape in shapes:
         if isinstance(shape, WallObstacle):
@@ -97,7 +97,7 @@ def pack_parts(shapes: Sequence[tuple[int, Shape]], rate: float | None) -> Array
             # Rotations are about +y, from +z towards +x.
             along = math.cos(turn), -math.sin(turn)
             half = shape.size[0] / 2, shape.size[1] / 2
-            found.append((*shape.centre, *along, *half, 0.0, math.hypot(*half), shape.height, *always, BOX, number))
+            found.append((*shape.centre, *along, *half, 0.0, shape.height, *always, BOX, number))
         elif isinstance(shape, DiscObstacle):
             add((*shape.centre, *shape.centre), shape.radius, shape.height, DISC, number)
         elif isinstance(shape, RopesObstacle):
@@ -200,7 +200,8 @@ def _grid_over(parts: Array, margin: float, cell: float, most: int) -> Grid:
 def _find_corners(places: Places) -> Array:
     """Return points beside the ends and corners of parts, over which ways around them lead. Shape (V, 2)."""
     found: list[Array] = []
-    for part in places.parts[places.parts["kind"] != DOOR]:
+    # The border of an arena is convex, so that no way bends around it.
+    for part in places.parts[(places.parts["kind"] != DOOR) & (places.parts["obstacle"] != BORDER)]:
         beside, wide = np.empty((0, 2)), np.zeros(0, bool)
         for room in _BESIDE:
             points = _around(part, room)

@@ -65,7 +65,9 @@ def _laid_out(path: Path, sketch: Sketch, plan: PlanObstacle) -> list[Shape]:
     extent = plan.scale * max(high[0] - low[0], high[1] - low[1], *(2 * radius for _, radius, *_ in sketch.discs), 0.0)
     if extent < _SMALLEST:
         what = f"{path}: is {extent:.3g} m large, expected {_SMALLEST} m or more; "
-        raise PlanError(what + "'scale' says how many metres a unit of the file is")
+        what += "'scale' says how many metres a unit of the file is"
+        is_map = path.suffix.lower() != ".svg"
+        raise PlanError(what + (", degrees are projected to metres by the program that exports it" if is_map else ""))
     shift = (0.0, 0.0)
     if plan.centre is not None:
         shift = tuple(plan.centre[axis] - plan.scale * (low[axis] + high[axis]) / 2 for axis in (0, 1))  # type: ignore[assignment]

@@ -15,12 +15,18 @@ from crowdsim.places.sketch import Line, PlanError, Sketch
 
 Matrix = tuple[float, float, float, float, float, float]
 """x' = a x + c y + e, y' = b x + d y + f."""
+Size = tuple[float, float]
 
 _UNIT: Matrix = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _PATH_ITEM = re.compile(r"[\s,]*([A-Za-z]|[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 _FLAG = re.compile(r"[\s,]*([01])")
 _TRANSFORM = re.compile(r"[\s,]*(\w+)\s*\(([^()]*)\)")
+_ALIGNED = re.compile(r"(?:defer\s+)?(?:none|x(Min|Mid|Max)Y(Min|Mid|Max))(?:\s+(meet|slice))?")
+_SHARES = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
+_UNITS = {"px": 1.0, "pt": 96 / 72, "pc": 16.0, "in": 96.0, "cm": 96 / 2.54, "mm": 96 / 25.4, "Q": 96 / 101.6}
+"""Units of lengths in those of the file (SVG 2, 8.9)."""
+_SIZE = re.compile(rf"{_NUMBER.pattern}(?:{'|'.join(_UNITS)})?")
 _ARGUMENTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
 _STEPS = 12
 """Straight pieces of a curve."""
@@ -55,7 +61,9 @@ def read_svg(path: Path, text: str) -> Sketch:
         PlanError: It is no SVG, or draws nothing that could be a wall.
     """
     if "<!ENTITY" in text:
-        raise PlanError(f"{path}: defines entities, expected a plain SVG file")
+        raise PlanError(
+            f"{path}: defines entities, expected a plain SVG file, as programs save it without their own data"
+        )
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
@@ -64,7 +72,7 @@ def read_svg(path: Path, text: str) -> Sketch:
         raise PlanError(f"{path}: is <{_tag(root)}>, expected an SVG file")
     _apply_classes(root)
     drawing = _Drawing(path, {f"#{one.get('id')}": one for one in root.iter() if one.get("id")})
-    _draw(drawing, root, _UNIT, None, 0)
+    _draw(drawing, root, _UNIT, None)
     if not drawing.sketch.points():
         tags = sorted({_tag(one) for one in root.iter()} - {"svg", "g"})
         what = f"{path}: is no floor plan: it holds {', '.join(tags[:8]) or 'nothing'}, "
@@ -92,8 +100,26 @@ def _apply_classes(root: ElementTree.Element) -> None:
             one.set("style", ";".join([one.get("style", ""), *(f"{key}:{value}" for key, value in said.items())]))
 
 
-def _draw(drawing: _Drawing, element: ElementTree.Element, above: Matrix, fill: str | None, depth: int) -> None:
-    """Add an element and those in it to a drawing; their transforms and ``fill`` are under those above."""
+def _draw(
+    drawing: _Drawing,
+    element: ElementTree.Element,
+    above: Matrix,
+    fill: str | None,
+    depth: int = 0,
+    view: Size | None = None,
+    use: ElementTree.Element | None = None,
+) -> None:
+    """Add an element and those in it to a drawing.
+
+    Args:
+        drawing: Added to.
+        element: The element.
+        above: Transform of what it is in.
+        fill: Likewise.
+        depth: How many elements it is in.
+        view: How large the view is that it is in; None where the file does not say that.
+        use: The element that refers to it; None where it is drawn where it stands.
+    """
     path, sketch = drawing.path, drawing.sketch
     drawing.drawn += 1
     if depth > _MOST_DEPTH:
@@ -101,7 +127,7 @@ def _draw(drawing: _Drawing, element: ElementTree.Element, above: Matrix, fill: 
     if drawing.drawn > _MOST_DRAWN:
         raise PlanError(f"{path}: draws more than {_MOST_DRAWN:,} elements, clones included, expected fewer")
     tag = _tag(element)
-    if tag in _UNSEEN or _style(element, "display") == "none":
+    if (tag in _UNSEEN and not (tag == "symbol" and use is not None)) or _style(element, "display") == "none":
         return
     own = _style(element, "fill")
     fill = fill if own in (None, "inherit") else own
@@ -109,13 +135,13 @@ def _draw(drawing: _Drawing, element: ElementTree.Element, above: Matrix, fill: 
     matrix = _times(above, _transform(path, element.get("transform", "none")))
 
     def number(name: str) -> float:
-        text = element.get(name, "0").strip().removesuffix("px")
-        if not _NUMBER.fullmatch(text):
-            what = (
-                f"{path}: {name} of a {tag} is {shortened(repr(element.get(name)))}, expected a number without a unit"
-            )
-            raise PlanError(what + ": lengths are in units of the file, of which 'scale' says how many metres each is")
-        return float(text)
+        return _length(path, element, name, view) or 0.0
+
+    if tag in ("svg", "symbol"):
+        inside = _view_of(path, element, view, use, depth == 0)
+        if inside is None:
+            return
+        matrix, view = _times(matrix, inside[0]), inside[1]
 
     def placed(points: Line) -> Line:
         a, b, c, d, e, f = matrix
@@ -151,9 +177,81 @@ def _draw(drawing: _Drawing, element: ElementTree.Element, above: Matrix, fill: 
         if name not in drawing.named:
             raise PlanError(f"{where} refers to {shortened(repr(name))}, expected the id of an element of the file")
         shift = _times(matrix, (1.0, 0.0, 0.0, 1.0, number("x"), number("y")))
-        _draw(drawing, drawing.named[name], shift, fill, depth + 1)
+        _draw(drawing, drawing.named[name], shift, fill, depth + 1, view, element)
     for child in element:
-        _draw(drawing, child, matrix, fill, depth + 1)
+        _draw(drawing, child, matrix, fill, depth + 1, view)
+
+
+def _length(path: Path, element: ElementTree.Element, name: str, view: Size | None = None) -> float | None:
+    """Return a length of an element in a view; None where it is not given.
+
+    Source: SVG 2, 8.9 (units), of which those of fonts are refused.
+    """
+    given = element.get(name)
+    if given is None:
+        return None
+    text = given.strip()
+    number = _NUMBER.match(text)
+    unit = text[number.end() :] if number else ""
+    what = f"{path}: {name} of a {_tag(element)} is {shortened(repr(given))}, expected a number"
+    if number and unit == "%":
+        if view is None:
+            raise PlanError(f"{what}: a percentage needs a viewBox, or a size, of the svg that it is in")
+        across, along = view
+        whole = across if "x" in name or name == "width" else along
+        return 0.01 * float(number[0]) * (math.hypot(across, along) / math.sqrt(2.0) if name == "r" else whole)
+    if number is None or (unit and unit not in _UNITS):
+        raise PlanError(f"{what}, alone or with one of {', '.join(_UNITS)} or %; 'scale' says how many metres it is")
+    return float(number[0]) * _UNITS.get(unit, 1.0)
+
+
+def _view_of(
+    path: Path, element: ElementTree.Element, view: Size | None, use: ElementTree.Element | None, outermost: bool
+) -> tuple[Matrix, Size | None] | None:
+    """Return what takes the inside of an `svg` or a `symbol` to where it stands, and how large that is inside.
+
+    Coordinates of the outermost one are those of the plan, wherever its `viewBox` is. None where nothing is seen of it.
+
+    Source: SVG 2, 8.2 (equivalent transform of a viewport).
+    """
+    tag, box = _tag(element), element.get("viewBox")
+    edges = [float(value) for value in _NUMBER.findall(box or "")]
+    is_box = len(edges) == 4 and all(map(math.isfinite, edges)) and min(edges[2:]) >= 0.0
+    if is_box and outermost:
+        return _UNIT, (edges[2], edges[3])
+    if box is not None and not is_box and not outermost:
+        raise PlanError(f"{path}: viewBox of <{tag}> is {shortened(repr(box))}, expected left, top, width and height")
+    # What refers to it may say how large it is; by itself it is as large as the view that it is in.
+    sizes: list[float | None] = []
+    for axis, name in enumerate(("width", "height")):
+        teller = element if use is None or use.get(name) is None else use
+        text = teller.get(name, "100%").strip()
+        # The outermost one has a size where it says that; browsers pass over what is none.
+        is_known = _SIZE.fullmatch(text) if outermost else view is not None or not text.endswith("%")
+        given = _length(path, teller, name, view) if is_known else None
+        sizes.append(view[axis] if given is None and view is not None else given)
+    wide, high = sizes
+    if outermost:
+        return _UNIT, None if wide is None or high is None else (wide, high)
+    left, top = _length(path, element, "x", view) or 0.0, _length(path, element, "y", view) or 0.0
+    shift: Matrix = (1.0, 0.0, 0.0, 1.0, left, top)
+    if box is None:
+        return shift, None if wide is None or high is None else (wide, high)
+    if wide is None or high is None:
+        what = "has a viewBox and is in an svg without one, expected its width and height as numbers"
+        raise PlanError(f"{path}: <{tag}> {what}")
+    if min(wide, high, *edges[2:]) <= 0.0:
+        return None
+    text = element.get("preserveAspectRatio", "xMidYMid").strip()
+    aligned = _ALIGNED.fullmatch(text)
+    if aligned is None:
+        raise PlanError(f"{path}: preserveAspectRatio of <{tag}> is {shortened(repr(text))}, expected xMidYMid, say")
+    x, y = wide / edges[2], high / edges[3]
+    if aligned[1]:
+        x = y = max(x, y) if aligned[3] == "slice" else min(x, y)
+    left = _SHARES[aligned[1] or "Min"] * (wide - x * edges[2]) - x * edges[0]
+    top = _SHARES[aligned[2] or "Min"] * (high - y * edges[3]) - y * edges[1]
+    return _times(shift, (x, 0.0, 0.0, y, left, top)), (edges[2], edges[3])
 
 
 def _style(element: ElementTree.Element, name: str) -> str | None:

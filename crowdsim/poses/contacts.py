@@ -18,7 +18,7 @@ from crowdsim.poses.guards import guard_of, guard_points, unit
 from crowdsim.poses.hits import Landed
 from crowdsim.poses.kernels.fists import LEAN
 from crowdsim.poses.layer import Part
-from crowdsim.poses.outlines import GIVES, Outline, leave_capsules
+from crowdsim.poses.outlines import find_surface, touch_surface
 
 PoseAt = Callable[[Array, Array], list[tuple[Array, Body, Array, Array, Array]]]
 """Poses avatars (E,) at times (E,): for each policy which of them, body, scales, joint positions and rotations."""
@@ -29,6 +29,8 @@ _FACING = 0.4
 """Least cosine of the angle between the outward direction of a point that is hit and the direction to the shoulder."""
 _OUT = 12
 """Times that a point goes out of head or torso."""
+_SLIM = 0.77
+"""Radius of a trunk's capsules as a share of that of the torso that counts as hit."""
 
 
 def within(part: Part) -> float:
@@ -77,6 +79,8 @@ def surface_point(
         radius = np.where(on_head[:, 0], head_radius, torso_radius)
         surface = middle + out / length[:, None] * radius[:, None]
         inside = np.minimum(above_head, above_torso) < -1e-6
+        if step > 0 and not inside.any():
+            break
         found = np.where((inside | (step == 0))[:, None], surface, found)
     return found
 
@@ -119,23 +123,25 @@ def find_surfaces(
     near: Landed,
     fists: Array,
     shoulders: Array,
+    radii: Array,
     pose_at: PoseAt,
     target: TargetBody,
     shown: bool,
     wrists: Array | None = None,
 ) -> Array:
-    """Return the nearest points on what is hit, of blocked strikes those on the arm that is in the way. Shape (E, 3).
+    """Return where the middles of what strikes belong: their surface touches that of what is hit. Shape (E, 3).
 
-    Scripted targets are as large as control takes them for.
+    Of blocked strikes it is the arm that is in the way. Scripted targets are as large as control takes them for.
 
     Args:
         take: The take.
         near: Strikes.
-        fists: What strikes [m]. Shape (E, 3).
+        fists: Middles of what strikes [m]. Shape (E, 3).
         shoulders: From where it comes [m]. Shape (E, 3).
+        radii: How thick it is [m]. Shape (E,).
         pose_at: Poses those who are hit.
         target: The body of scripted targets.
-        shown: Whether the points lie outside of bodies as pictures show them.
+        shown: Whether bodies are as their skin is; else they are simple shapes.
         wrists: Positions of the wrists behind fists, which then stay out of bodies, too [m]. Shape (E, 3).
     """
     points = np.full((len(near.times), 3), np.nan)
@@ -143,16 +149,20 @@ def find_surfaces(
     for which, body, scales, positions, rotations in pose_at(near.victims[people], near.times[people]):
         chosen, numbers = people[which], near.victims[people[which]]
         widths, parts = take.cast.widths[numbers], body_points(body, positions, rotations, scales)[:3]
-        outline = Outline(*parts, body.head_radius * scales, body.torso_radius * widths)
-        touched = outline._replace(head_radius=outline.head_radius + GIVES)
-        points[chosen] = surface_point(fists[chosen], *touched, origin=shoulders[chosen])
+        thick = radii[chosen]
+        # What counts as hit, thicker by what strikes: a middle on it touches.
+        outline = *parts, body.head_radius * scales + thick, _SLIM * body.torso_radius * widths + thick
+        points[chosen] = surface_point(fists[chosen], *outline, origin=shoulders[chosen])
+        gaps = posed_distance(fists[chosen], *outline)
         if shown:
             build = scales, take.cast.girths[numbers], take.cast.stretches[numbers]
             bodies = PosedBodies(body, np.arange(len(which)), *build, positions[None], rotations[None])
+            # Fists that miss leave arms to these, which give way.
+            surface = find_surface(bodies, ~near.missed[chosen])
             behind = None if wrists is None else (wrists - fists)[chosen]
-            points[chosen] = leave_capsules(points[chosen], behind, bodies, outline)
+            points[chosen] = touch_surface(points[chosen], behind, thick, surface)
+            gaps = surface.gaps(fists[chosen])[0] - thick
         # A fist that misses is left alone where it is in no body.
-        gaps = posed_distance(fists[chosen], *outline)
         free = chosen[near.missed[chosen] & (gaps >= 0.0)]
         points[free] = fists[free]
         stopped = near.blocked[chosen]
@@ -177,9 +187,8 @@ def find_surfaces(
         low = np.stack([take.targets[int(f)][int(g)] for f, g in zip(frames, numbers, strict=True)])
         high = np.stack([take.targets[int(f)][int(g)] for f, g in zip(later, numbers, strict=True)])
         heads = low + (high - low) * np.clip(clock - frames, 0.0, 1.0)[:, None]
-        sizes = take.cast.scales[near.attackers[scripted]]
-        radii = target.head_radius * sizes
+        around = target.head_radius * take.cast.scales[near.attackers[scripted]] + radii[scripted]
         points[scripted] = surface_point(
-            fists[scripted], heads, heads, heads, radii, 0.0 * radii, origin=shoulders[scripted]
+            fists[scripted], heads, heads, heads, around, 0.0 * around, origin=shoulders[scripted]
         )
     return points

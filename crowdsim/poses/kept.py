@@ -55,6 +55,24 @@ class Kept:
             # Another thread may look for the same, and finds the same.
             self.note(frames_missing, avatars_missing, self._find(frames_missing, avatars_missing))
 
+    def around_each(self, frames: Array, avatars: Array, asked: Array, find: Callable[[Array, Array], Array]) -> Array:
+        """Return the numbers of avatars (m,) at all frames from the first to the last of some, where they are known.
+
+        Args:
+            frames: Frames at which they are known, ascending for each avatar. Shape (T, n).
+            avatars: Which avatar at each, of those asked for; one may be there several times. Shape (n,).
+            asked: The avatars. Shape (m,).
+            find: Returns the numbers of avatars (n,) at frames (T, n), each at its own. Shape (T, n, *shape).
+        """
+        first, stop = int(frames.min()), int(frames.max()) + 1
+        while True:
+            with self._lock:
+                self._hold(first, stop)
+                missing = ~self._known[frames - self._first, avatars].all(axis=0)
+                if not missing.any():
+                    return np.ascontiguousarray(self._values[first - self._first : stop - self._first, asked])
+            self.note(frames[:, missing], avatars[missing], find(frames[:, missing], avatars[missing]))
+
     def missing(self, frames: Array, avatars: Array) -> tuple[Array, Array]:
         """Return which of frames and avatars, both ascending, are not known all of them."""
         with self._lock:
@@ -64,10 +82,10 @@ class Kept:
         return frames[rows], avatars[~known[rows].all(axis=0)]
 
     def note(self, frames: Array, avatars: Array, found: Array) -> None:
-        """Keep the numbers of avatars (n,) at frames (T,)."""
+        """Keep the numbers of avatars (n,) at frames (T,), or (T, n) of their own."""
         with self._lock:
-            self._hold(int(frames[0]), int(frames[-1]) + 1)
-            rows = (frames - self._first)[:, None]
+            self._hold(int(frames.min()), int(frames.max()) + 1)
+            rows = frames.reshape(len(frames), -1) - self._first
             self._values[rows, avatars] = found
             self._known[rows, avatars] = True
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 
@@ -36,12 +36,24 @@ class Part:
         layers: Names of the layers that pose them.
         hops: How many avatars lie between these and those that are shown: 0 for these themselves, 1 for those that
             their fists hit.
+        without: Names of layers that are planned from these poses.
         plans: What each layer so far has planned, by its name.
+        noted: What a ``Reader`` has noted of each time and avatar that is posed, by its name. Shape (T, n, ...) each.
     """
 
-    def __init__(self, policy: int, window: Window, moments: Moments, layers: tuple[str, ...], hops: int) -> None:
+    def __init__(
+        self,
+        policy: int,
+        window: Window,
+        moments: Moments,
+        layers: tuple[str, ...],
+        hops: int,
+        without: tuple[str, ...] = (),
+    ) -> None:
         self.policy, self.window, self.moments, self.layers, self.hops = policy, window, moments, layers, hops
+        self.without = without
         self.plans: dict[str, Any] = {}
+        self.noted: dict[str, Array] = {}
 
     @cached_property
     def playback(self) -> Playback:
@@ -60,9 +72,10 @@ class Part:
 
     def of(self, times: Array, columns: Array) -> Part:
         """Return some of it: rows of times and places of avatars, both by index."""
-        part = Part(self.policy, self.window, self.moments, self.layers, self.hops)
+        part = Part(self.policy, self.window, self.moments, self.layers, self.hops, self.without)
         part.moments = Moments(self.moments.columns[columns], self.moments.times[times])
-        part.playback = Playback(*(values[times].take(columns, axis=1) for values in self.playback))
+        part.playback = Playback(*(narrowed(values, times, columns) for values in self.playback))
+        part.noted = {name: narrowed(values, times, columns) for name, values in self.noted.items()}
         return part
 
 
@@ -72,6 +85,7 @@ class Scheduler(Protocol):
     take: TakeData
     motions: Sequence[PoseMotion]
     reactions: bool
+    coarse: frozenset[str]
     landed: Landed
 
     @property
@@ -80,6 +94,19 @@ class Scheduler(Protocol):
 
     def joints(self, avatars: Array, times: Array, through: str = "", hops: int = 0) -> list[Joints]:
         """Return joints of avatars (E,) at times (E,), each at its own, with the layers up to one of them."""
+
+    def each_at(
+        self,
+        avatars: Array,
+        times: Array,
+        through: str = "",
+        without: tuple[str, ...] = (),
+        motions: Sequence[PoseMotion] | None = None,
+    ) -> Iterator[tuple[Part, Array]]:
+        """Yield parts of avatars (n,) at times (T, n), each at its own, and which of them they are."""
+
+    def pose(self, part: Part) -> Posed:
+        """Return the poses of a part."""
 
     def stretch(
         self,
@@ -106,6 +133,8 @@ class Layer:
         size: How far this layer, and all layers of a smaller size, can move any point of a body in total [m]; measured.
         reading: Likewise, how far it matters that others are read with more than their blends; ``reading_of`` its name
             stands for that where layers are left out.
+        sparse: How far 99 of 100 avatars move at most where it is planned at fewer times [m]; ``times_of`` its name
+            stands for that where layers are left out.
     """
 
     name: ClassVar[str]
@@ -115,6 +144,7 @@ class Layer:
     hops: ClassVar[int] = EVERYWHERE
     size: ClassVar[float] = math.inf
     reading: ClassVar[float] = math.inf
+    sparse: ClassVar[float] = math.inf
 
     def __init__(self, poser: Scheduler) -> None:
         self.poser = poser
@@ -132,6 +162,11 @@ class Layer:
 def reading_of(name: str) -> str:
     """Return the name under which what a layer reads of others is left out, but for their blends."""
     return f"{name} of others"
+
+
+def times_of(name: str) -> str:
+    """Return the name under which the times are left out at which a layer is planned from far away without them."""
+    return f"times of {name}"
 
 
 class Block(NamedTuple):
@@ -154,9 +189,16 @@ class Block(NamedTuple):
 
     def of(self, times: Array, columns: Array, which: Array) -> Block:
         """Return some of it: rows of times, and places of avatars that are ``which`` of those asked for."""
-        return Block(
-            which, self.part.of(times, columns), Posed(*(values[times].take(columns, axis=1) for values in self.poses))
-        )
+        poses = Posed(*(narrowed(values, times, columns) for values in self.poses))
+        return Block(which, self.part.of(times, columns), poses)
+
+
+def narrowed(values: Array, times: Array, columns: Array) -> Array:
+    """Return rows and columns of values (T, n, ...), both by strictly ascending index; a view where all follow."""
+    if len(columns) < values.shape[1]:
+        return values[times[:, None], columns]
+    first, stop = int(times[0]), int(times[-1]) + 1
+    return values[first:stop] if stop - first == len(times) else values[times]
 
 
 class Reader(Layer, ABC):

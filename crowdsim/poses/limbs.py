@@ -26,12 +26,13 @@ class Limbs(NamedTuple):
         parents: Parent of each joint of the skeleton. Shape (J,).
         offsets: Position of each joint in its parent's frame [m]. Shape (J, 3).
         segments: What each joint carries, see ``builds.joint_segments``. Shape (J,).
-        chain: Joints from the root to the ends, parents first.
+        chain: Joints from the root to the ends, parents first. Shape (n,).
+        sides: Limb that each of these belongs to, -1 of those above both. Shape (n,).
         joints: Upper, middle and end joint. Shape (2, 3).
         hinges: Axis of flexion in the upper joint's frame. Shape (2, 3).
         points: What is moved: heel and ball of each foot, or the fist twice, in the end joint's frame [m]. Shape
             (2, 2, 3).
-        bends: Lower and upper joint of the spine that lean for arms. Shape (2,).
+        bends: Lower and upper joint of the spine that lean for arms, none for legs. Shape (2,) or (0,).
         toes: A joint that hangs on each end joint and turns with the toes, -1 where there is none. Shape (2,).
         holds: Point of each end joint that stays where it is while it holds on to something, in its frame [m]: where
             the toes begin, the ball of the foot where there are none. Shape (2, 3).
@@ -41,6 +42,7 @@ class Limbs(NamedTuple):
     offsets: Array
     segments: Array
     chain: Array
+    sides: Array
     joints: Array
     hinges: Array
     points: Array
@@ -72,6 +74,28 @@ def chain_of(skeleton: Skeleton, joints: Sequence[int]) -> Array:
             found.add(at)
             at = int(skeleton.parents[at])
     return np.array(sorted(found), np.int64)
+
+
+def limbs_among(limbs: Limbs, joints: Array) -> Limbs:
+    """Return limbs for a skeleton of some joints (n,), ascending, all that they hang on among them.
+
+    Joints that are not there are -1.
+    """
+
+    def places(values: Array) -> Array:
+        return np.where(np.isin(values, joints), np.searchsorted(joints, values), -1)
+
+    there = np.isin(limbs.chain, joints)
+    return limbs._replace(
+        parents=places(limbs.parents[joints]),
+        offsets=limbs.offsets[joints],
+        segments=limbs.segments[joints],
+        chain=places(limbs.chain[there]),
+        sides=limbs.sides[there],
+        joints=places(limbs.joints),
+        bends=places(limbs.bends),
+        toes=places(limbs.toes),
+    )
 
 
 def turning_of(
@@ -106,11 +130,16 @@ def measure_limbs(
         toe if toe >= 0 and skeleton.parents[toe] == end else -1 for toe, end in zip(toes, joints[:, 2], strict=True)
     ]
     holds = [skeleton.offsets[toe] if toe >= 0 else points[side, 1] for side, toe in enumerate(toes)]
+    chain = chain_of(skeleton, [*joints[:, 2], *bends])
+    sides = np.full(len(chain), -1)
+    for side, (upper, _, end) in enumerate(joints):
+        sides[np.isin(chain, chain_of(skeleton, [end])) & ~np.isin(chain, chain_of(skeleton, [upper])[:-1])] = side
     return Limbs(
         parents=np.asarray(skeleton.parents, dtype=np.int64),
         offsets=np.asarray(skeleton.offsets, dtype=np.float64),
         segments=joint_segments(skeleton, body),
-        chain=chain_of(skeleton, [*joints[:, 2], *bends]),
+        chain=chain,
+        sides=sides,
         joints=joints,
         hinges=np.stack(hinges),
         points=np.asarray(points, dtype=np.float64),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -16,10 +17,11 @@ from crowdsim.motion.contacts import plant_spans
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.rests import DOWN, UP
 from crowdsim.motion.skeleton import Skeleton
+from crowdsim.motion.strikers import GROUPS, LIMBS
 from crowdsim.poses.facing import chest_direction, face_direction
 from crowdsim.poses.gait import Gait, measure_gait
 from crowdsim.poses.kernels.columns import LOWER, UPPER
-from crowdsim.poses.limbs import Hinges, Limbs, measure_hinges, measure_limbs
+from crowdsim.poses.limbs import Hinges, Limbs, chain_of, limbs_among, measure_hinges, measure_limbs
 
 if TYPE_CHECKING:
     from crowdsim.motion.database import MotionDatabase
@@ -91,6 +93,8 @@ class PoseMotion:
             float32.
         looks: Heading of the face and of the chest in the frame's ground frame [rad]. Shape (P, 2), float32.
         strikes: Playback frames at which strikes reach furthest, ascending. Shape (S,).
+        typical: Median of the speeds of strikes with each kind of striker, infinite where there are none [m/s].
+            Shape (strikers,).
         origins: Playback frame that lies on the avatar when each action starts. Shape (A,).
         lengths: Length of each action [control frames]. Shape (A,).
         shifts: Where the ground transform of that frame lies then, as seen from the avatar's. Shape (A, 3).
@@ -112,6 +116,7 @@ class PoseMotion:
     trunks: Array
     looks: Array
     strikes: Array
+    typical: Array
     origins: Array
     lengths: Array
     shifts: Array
@@ -123,8 +128,16 @@ class PoseMotion:
         steps = np.minimum(done, self.lengths[actions]) * self.frames.stride
         return self.origins[actions] + np.rint(steps).astype(np.int64)
 
+    @cached_property
+    def of_legs(self) -> PoseMotion:
+        """The motion of legs and toes alone, and of what they hang on."""
+        return self.of_joints(chain_of(self.skeleton, [*self.legs.joints[:, LOWER], *self.legs.toes]))
+
     def of_joints(self, joints: Array) -> PoseMotion:
-        """Return the motion of some joints (n,), ascending, all that they hang on among them, as far as blends go."""
+        """Return the motion of some joints (n,), ascending, all that they hang on among them.
+
+        It does for blends, and for feet where the joints of legs and toes are among them.
+        """
         skeleton, hinges = self.skeleton, np.isin(self.hinges.joints, joints)
         parents = np.asarray(skeleton.parents)[joints]
         places = np.where(parents >= 0, np.searchsorted(joints, parents), -1).astype(np.int32)
@@ -135,6 +148,8 @@ class PoseMotion:
             segments=self.segments[joints],
             frames=self.frames._replace(rotations=np.ascontiguousarray(self.frames.rotations[:, joints])),
             hinges=some._replace(joints=np.searchsorted(joints, some.joints)),
+            legs=limbs_among(self.legs, joints),
+            arms=limbs_among(self.arms, joints),
         )
 
 
@@ -147,12 +162,12 @@ def prepare_motion(policy: Policy) -> PoseMotion:
     rotations = np.array(database.rotations, dtype=np.float32)
     rotations[:, 0] = quaternion.multiply(headings, rotations[:, 0])
     _align_signs(rotations, starts)
-    positions, world_rotations = forward_kinematics(skeleton, database.root_positions, database.rotations, threads=1)
+    positions, world_rotations = forward_kinematics(skeleton, database.root_positions, database.rotations)
     telling = np.repeat(database.telling, stride)
     some = np.flatnonzero(telling)[:: max(1, np.count_nonzero(telling) // _SAMPLE)]
     sample = positions[some], world_rotations[some]
     bends = np.array([body.roles["spine"], body.roles["chest"]])
-    legs = measure_limbs(skeleton, body, ("hip", "knee", "foot"), body.sole_offsets, bends, sample)
+    legs = measure_limbs(skeleton, body, ("hip", "knee", "foot"), body.sole_offsets, bends[:0], sample)
     feet = legs.joints[:, 2]
     holds = positions[:, feet] + quaternion.rotate(world_rotations[:, feet], legs.holds)
     down = fallen_frames(database)
@@ -186,12 +201,22 @@ def prepare_motion(policy: Policy) -> PoseMotion:
         trunks=np.stack([database.heads, database.necks, database.pelvises], axis=1),
         looks=_looks(body, skeleton, headings, world_rotations),
         strikes=np.asarray(database.strike_frames, dtype=np.int64),
+        typical=_typical_speeds(database),
         origins=(np.asarray(graph.action_first, dtype=np.int64) - 1) * stride,
         lengths=np.asarray(graph.action_lengths, dtype=np.int64),
         shifts=np.asarray(policy.actions.shifts, dtype=np.float64),
         down=down,
         breathes=_breathes(database, body, positions),
     )
+
+
+def _typical_speeds(database: MotionDatabase) -> Array:
+    found, speeds = np.full(len(LIMBS), np.inf), np.asarray(database.strike_speeds, dtype=float)
+    for limbs in GROUPS.values():
+        struck = speeds[np.isin(database.strike_limbs, limbs)]
+        if len(struck):
+            found[list(limbs)] = np.median(struck)
+    return found
 
 
 def _kept(starts: Array, telling: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Where fists stay on bodies as pictures show them, which are thicker in places than what counts as hit."""
+"""Where what strikes stays on bodies: with its surface on theirs, as their skin is, not in it and not off it."""
 
 from __future__ import annotations
 
@@ -7,82 +7,131 @@ from typing import NamedTuple
 import numpy as np
 
 from crowdsim.core.types import Array
-from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules
+from crowdsim.motion.body import HEIGHT, PARTS, Body
+from crowdsim.motion.strikers import HANDS
+from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules, swelling_capsules, trunk_capsules
+from crowdsim.poses.guards import unit
 
 GIVES = 0.012
-"""How far outside a head, or any capsule of a trunk, the middle of a fist stays, which is thicker than that [m]."""
+"""How far outside of the skin the middles of fists stay before and after strikes that land [m]; gloves give way."""
 WRIST_IN = 0.01
-"""How deep the wrist behind a fist may be in them [m]."""
-_ROUNDS = (3, 12)
-"""Times that a point alone, and one with a wrist, goes out of the capsules, and back where that took it too far."""
+"""How deep the wrist behind a fist may be in trunk and head [m]."""
+_FIT = {
+    "pelvis": (0.0, 0.0, 0.0, 0.0),
+    "trunk": (0.036, -0.006, -0.010, -0.010),
+    "chest": (0.049, -0.014, 0.002, -0.008),
+    "shoulders": (0.0, -0.007, -0.002, -0.002),
+    "neck": (0.0, 0.0, 0.015, 0.015),
+    "head": (0.0, 0.003, -0.014, -0.014),
+    "upper arm": (0.0, 0.0, 0.005, -0.003),
+}
+"""How the skin of a man of 1.75 m differs from capsules: to both sides and ahead, and in radius at both ends [m]."""
+_GLOVE, _BARE = 1.14, 0.7
+"""Radius of gloves and of bare fists as skins show them, as a share of that of a striker."""
+_ROUNDS, _ENOUGH = 60, 1e-4
+"""Times at most that a point goes onto the surface, and distance from it that may be left [m]."""
 
 
-class Outline(NamedTuple):
-    """What counts as hit: heads and capsules from neck to pelvis; n bodies.
+class Surface(NamedTuple):
+    """Skins of trunks, heads and upper arms as capsules; n bodies.
 
     Attributes:
-        head: Shape (n, 3) [m].
-        neck: Shape (n, 3) [m].
-        pelvis: Shape (n, 3) [m].
-        head_radius: Shape (n,) [m].
-        torso_radius: Shape (n,) [m].
+        starts: One end of each axis [m]. Shape (n, K, 3).
+        axes: Way from it to the other end [m]. Shape (n, K, 3).
+        radii: Radius at both ends [m]. Shape (n, K, 2).
     """
 
-    head: Array
-    neck: Array
-    pelvis: Array
-    head_radius: Array
-    torso_radius: Array
+    starts: Array
+    axes: Array
+    radii: Array
+
+    def gaps(self, points: Array) -> tuple[Array, Array]:
+        """Return how far points (n, 3) are outside, negative inside (n,) [m], and the way out (n, 3), of length 1."""
+        squares = np.maximum(np.sum(self.axes * self.axes, axis=-1), 1e-12)
+        way = points[:, None] - self.starts
+        along = np.clip(np.sum(way * self.axes, axis=-1) / squares, 0.0, 1.0)
+        out = way - along[..., None] * self.axes
+        far = np.linalg.norm(out, axis=-1)
+        gaps = far - self.radii[..., 0] - along * (self.radii[..., 1] - self.radii[..., 0])
+        nearest = np.arange(len(points)), np.argmin(gaps, axis=1)
+        return gaps[nearest], out[nearest] / np.maximum(far[nearest], 1e-9)[:, None]
 
 
-def leave_capsules(points: Array, wrists: Array | None, bodies: PosedBodies, outline: Outline) -> Array:
-    """Return points that are moved out of the capsules of trunk and head, to ``GIVES`` outside of them.
+def striker_radii(body: Body, limbs: Array, scales: Array, bare: Array) -> Array:
+    """Return the radii of what strikes as skins show it: limbs, sizes and whether hands are bare (n,) [m]."""
+    radii = body.strikers["radius"][limbs] * scales
+    return np.asarray(np.where(np.isin(limbs, HANDS), radii * np.where(bare, _BARE, _GLOVE), radii))
 
-    The wrist behind each goes along, and is no deeper in them than ``WRIST_IN``. No point ends further than ``GIVES``
-    from what counts as hit, even if that leaves it or its wrist inside a capsule.
+
+def find_surface(bodies: PosedBodies, arms: Array | bool = True) -> Surface:
+    """Return the skin of trunks, heads and upper arms at one time.
+
+    Capsules of a trunk are round. Each of those that go up it stands for two, side by side, since a trunk is wider than
+    it is deep. ``arms`` says which bodies (n,) have upper arms.
+    """
+    body, order = bodies.body, capsule_order(bodies.body)
+    kinds = _surface_kinds(body)[order]
+    shown = kinds != ""
+    capsules = place_capsules([bodies], 1, len(bodies.columns))
+    starts, ends = (values[0].astype(float) for values in (capsules.starts, capsules.ends))
+    up, side = (unit((ends - starts)[:, order == one][:, 0]) for one in _upper_trunk(body))
+    ahead, starts, kinds = np.cross(up, side), starts[:, shown], kinds[shown]
+    axes = ends[:, shown] - starts
+    fits = np.array([_FIT[kind] for kind in kinds])
+    widths = np.where(swelling_capsules(body.capsule_parts[order[shown]]), np.asarray(bodies.girths)[:, None], 1.0)
+    widths = widths * (np.asarray(bodies.scales, float) * body.height / HEIGHT)[:, None]
+    radii = capsules.radii[:, shown] + fits[:, 2:] * widths[..., None]
+    radii[np.ix_(~np.broadcast_to(arms, len(radii)), kinds == "upper arm")] = -1.0
+    aside, forward = (fits[:, k, None] * widths[..., None] * way[:, None] for k, way in enumerate((side, ahead)))
+    starts, twice = starts + forward, fits[:, 0] > 0.0
+    return Surface(
+        np.concatenate([starts - aside, (starts + aside)[:, twice]], axis=1),
+        np.concatenate([axes, axes[:, twice]], axis=1),
+        np.concatenate([radii, radii[:, twice]], axis=1),
+    )
+
+
+def _surface_kinds(body: Body) -> Array:
+    """Return what each capsule is in ``_FIT``, empty where skins are not looked for. Shape (K,), str."""
+    joints, parts = body.capsule_joints, np.array(PARTS)[body.capsule_parts]
+    of_limbs = np.isin(joints, [joint for role, joint in body.roles.items() if role.startswith(("left", "right"))])
+    upper_arms = np.isin(joints, [body.roles["left_shoulder"], body.roles["right_shoulder"]])
+    names = {"trunks": "pelvis", "shirt": "trunk", "skin": "neck", "head": "head"}
+    kinds = np.array([names.get(part, "") for part in parts], dtype="U9")
+    kinds[of_limbs] = ""
+    kinds[upper_arms & (parts == "skin")] = "upper arm"
+    for one, kind in zip(_upper_trunk(body), ("chest", "shoulders"), strict=True):
+        kinds[one] = kind
+    return kinds
+
+
+def _upper_trunk(body: Body) -> tuple[int, int]:
+    """Return the capsules of the chest and across the shoulders, which are one where a trunk has no other."""
+    trunk = trunk_capsules(body)
+    return int(trunk[-2:][0]), int(trunk[-1])
+
+
+def touch_surface(points: Array, wrists: Array | None, radii: Array, surface: Surface) -> Array:
+    """Return where the middles of spheres are that touch bodies, nearest to given points by going out or in.
+
+    The wrist behind each goes along. Where it would be deeper than ``WRIST_IN``, the sphere goes around the body, as
+    far as it still touches.
 
     Args:
-        points: Points on what counts as hit, one for each body [m]. Shape (n, 3).
+        points: One for each body [m]. Shape (n, 3).
         wrists: Way from each to its wrist [m]; None without. Shape (n, 3).
-        bodies: The bodies at one time.
-        outline: What of them counts as hit.
+        radii: Radii of the spheres [m]. Shape (n,).
+        surface: The bodies.
     """
-    starts, axes, radii = upper_capsules(bodies)
-    if not starts.shape[1]:
-        return points
-    squares, rows, found = np.maximum(np.sum(axes * axes, axis=-1), 1e-12), np.arange(len(points)), points
-    behind = np.zeros_like(points) if wrists is None else wrists
-    for _ in range(_ROUNDS[wrists is not None]):
-        both = np.stack([found, found + behind], axis=1)[:, :, None]
-        along = np.clip(np.sum((both - starts[:, None]) * axes[:, None], axis=-1) / squares[:, None], 0.0, 1.0)
-        out = both - starts[:, None] - along[..., None] * axes[:, None]
-        far = np.linalg.norm(out, axis=-1)
-        depths = radii[:, None, :, 0] + along * (radii[..., 1] - radii[..., 0])[:, None] - far
-        depths += np.array([GIVES, -WRIST_IN])[:, None]
-        deepest = rows, *np.divmod(np.argmax(depths.reshape(len(points), -1), axis=1), depths.shape[2])
-        go = np.maximum(depths[deepest], 0.0) / np.maximum(far[deepest], 1e-9)
-        found = _bring_back(found + go[:, None] * out[deepest], outline)
+    found, moving = points.copy(), np.flatnonzero(np.isfinite(points).all(axis=1))
+    for _ in range(_ROUNDS):
+        here, own, before = found[moving], Surface(*(values[moving] for values in surface)), found[moving]
+        if wrists is not None:
+            gaps, out = own.gaps(here + wrists[moving])
+            here = here + np.maximum(-WRIST_IN - gaps, 0.0)[:, None] * out
+        gaps, out = own.gaps(here)
+        found[moving] = here = here + (radii[moving] - gaps)[:, None] * out
+        moving = moving[np.linalg.norm(here - before, axis=1) > _ENOUGH]
+        if not len(moving):
+            break
     return found
-
-
-def upper_capsules(bodies: PosedBodies) -> tuple[Array, Array, Array]:
-    """Return starts (n, K, 3), axes (n, K, 3) and radii (n, K, 2) of the capsules of trunks and heads [m]."""
-    body, count = bodies.body, len(bodies.columns)
-    limbs = [joint for role, joint in body.roles.items() if role.startswith(("left", "right"))]
-    trunk = ~np.isin(body.capsule_joints[capsule_order(body)], limbs)
-    capsules = place_capsules([bodies], 1, count)
-    starts, ends = (values[0, :, trunk].swapaxes(0, 1).astype(float) for values in (capsules.starts, capsules.ends))
-    return starts, ends - starts, capsules.radii[:, trunk]
-
-
-def _bring_back(points: Array, outline: Outline) -> Array:
-    """Return points that are no further than ``GIVES`` outside what counts as hit."""
-    axis = outline.pelvis - outline.neck
-    along = np.sum((points - outline.neck) * axis, axis=-1) / np.maximum(np.sum(axis * axis, axis=-1), 1e-12)
-    to_head, to_torso = outline.head - points, outline.neck + np.clip(along, 0.0, 1.0)[:, None] * axis - points
-    far_head, far_torso = np.linalg.norm(to_head, axis=-1), np.linalg.norm(to_torso, axis=-1)
-    gap_head, gap_torso = far_head - outline.head_radius, far_torso - outline.torso_radius
-    near_head = gap_head < gap_torso
-    far = np.maximum(np.where(near_head, far_head, far_torso), 1e-9)
-    go = np.maximum(np.minimum(gap_head, gap_torso) - GIVES, 0.0) / far
-    return np.asarray(points + go[:, None] * np.where(near_head[:, None], to_head, to_torso))

@@ -15,7 +15,7 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.record import TakeData
 from crowdsim.poses.hits import Landed, find_landed
 from crowdsim.poses.kernels.records import Moments, Posed
-from crowdsim.poses.layer import Block, Joints, Layer, Part, Reader, reading_of
+from crowdsim.poses.layer import Block, Joints, Layer, Part, Reader, reading_of, times_of
 from crowdsim.poses.layers import LAYERS
 from crowdsim.poses.layers.blend import Blend
 from crowdsim.poses.motion import PoseMotion
@@ -40,12 +40,14 @@ class Poser:
         motions: The motion of each of its policies.
         threads: Threads that share the work.
         reactions: Whether landed strikes move those whom they hit.
-        without: Names of layers to leave out, also where a layer reads other avatars, and ``reading_of`` others.
+        without: Names of layers to leave out, also where a layer reads other avatars, and ``reading_of`` and
+            ``times_of`` others.
         base: A poser of the same take with all layers; those that read none that is left out are shared with it.
         kinds: The layers, in the order in which they are added.
 
     Attributes:
         landed: Strikes that land.
+        coarse: Names of layers that are planned at fewer times.
     """
 
     def __init__(
@@ -60,11 +62,13 @@ class Poser:
     ) -> None:
         self.take, self.motions, self.reactions, self._threads = take, motions, reactions, threads
         self.landed: Landed = find_landed(take)
-        self._places = {name: place for place, kind in enumerate(kinds) for name in (kind.name, reading_of(kind.name))}
+        self.coarse = frozenset(kind.name for kind in kinds if times_of(kind.name) in without)
+        self._places = {name: place for place, kind in enumerate(kinds) for name in _names_of(kind)}
         self.layers: dict[str, Layer] = {}
         for kind in kinds:
             last, blind = max((self._places[need] for need in kind.needs), default=-1), reading_of(kind.name) in without
-            shares = base is not None and not blind and all(self._places[name] > last for name in without)
+            shares = base is not None and not blind and kind.name not in self.coarse
+            shares &= all(self._places[name] > last for name in without)
             if kind.name not in without:
                 self.layers[kind.name] = base.layers[kind.name] if base is not None and shares else kind(self)
             if blind and kind.name not in without:
@@ -113,7 +117,7 @@ class Poser:
             if self._places[name] <= last and layer.hops >= hops and name not in without
         )
         reach = max(self.layers[name].reach for name in names)
-        return Part(policy, self.window(policy, avatars, moments.times, reach, motions), moments, names, hops)
+        return Part(policy, self.window(policy, avatars, moments.times, reach, motions), moments, names, hops, without)
 
     def window(
         self,
@@ -148,13 +152,26 @@ class Poser:
             found.append((which, part.window.motion.body, scales, positions[0], rotations[0]))
         return found
 
+    def each_at(
+        self,
+        avatars: Array,
+        times: Array,
+        through: str = "",
+        without: tuple[str, ...] = (),
+        motions: Sequence[PoseMotion] | None = None,
+    ) -> Iterator[tuple[Part, Array]]:
+        """Yield parts of avatars (n,) at times (T, n), each at its own, ascending, and which of them they are."""
+        for which, policy, numbers, moments in self.moments(avatars, times):
+            yield self.part(policy, numbers, moments, through, without=without, motions=motions), which
+
     def moments(self, avatars: Array, times: Array) -> Iterator[tuple[Array, int, Array, Moments]]:
-        """For each policy which of avatars (E,) at times (E,) are its own, its number, these avatars, and when."""
+        """For each policy which of avatars (n,) at times (T, n) or (n,) are its own, its number, these, and when."""
         owners = self.take.cast.policies[avatars]
         for policy in np.unique(owners):
             which = np.flatnonzero(owners == policy)
             numbers, columns = np.unique(avatars[which], return_inverse=True)
-            yield which, int(policy), numbers, Moments(columns, np.maximum(times[which], 0.0)[None])
+            own = np.ascontiguousarray(np.atleast_2d(times)[:, which])
+            yield which, int(policy), numbers, Moments(columns, np.maximum(own, 0.0))
 
     def shown(self, avatars: Array, times: Array) -> list[Joints]:
         """Return joints of avatars (E,) at times (E,), each at its own, as they are shown."""
@@ -176,8 +193,8 @@ class Poser:
     ) -> list[Result]:
         """Pose avatars (n,), ascending, at the same times (T,), some at once, with the layers up to one of them.
 
-        Returns what ``use`` makes of each block of them; several are posed and used at a time. For blends, ``motions``
-        of fewer joints will do, one for each policy.
+        Returns what ``use`` makes of each block of them; several are posed and used at a time. For blends and feet,
+        ``motions`` of fewer joints will do, one for each policy.
         """
         owners, at_once = self.take.cast.policies[avatars], max(1, POSES_AT_ONCE // max(len(times), 1))
         # Those near one another read the same others.
@@ -253,6 +270,11 @@ class Poser:
         for name in names:
             part.plans[name] = self.layers[name].plan(part)
             self.layers[name].apply(part, poses)
+
+
+def _names_of(kind: type[Layer]) -> tuple[str, ...]:
+    """Return the names by which a layer, or something of it, is left out."""
+    return kind.name, reading_of(kind.name), times_of(kind.name)
 
 
 def _narrowed(block: Block, now: tuple[Array, Array], then: tuple[Array, Array]) -> Block | None:

@@ -30,7 +30,7 @@ from crowdsim.poses.hits import find_landed
 from crowdsim.poses.kernels.columns import TRUNK
 from crowdsim.poses.kernels.records import Playback, Posed
 from crowdsim.poses.known_actions import with_known_actions
-from crowdsim.poses.layer import Block, reading_of
+from crowdsim.poses.layer import Block, reading_of, times_of
 from crowdsim.poses.layers import LAYERS
 from crowdsim.poses.motion import PoseMotion, prepare_motion
 from crowdsim.poses.poser import Poser
@@ -63,10 +63,12 @@ def unseen_layers(scales: Array) -> Iterator[tuple[Array, frozenset[str]]]:
     """Sort avatars that show at so many pixels a metre (N,) by the layers that move nothing by ``_VISIBLE`` there.
 
     Yields:
-        Avatars, ascending, and the names of these layers, and ``reading_of`` those for which it matters as little what
-        they read of others; avatars that show at 0 are left out.
+        Avatars, ascending, and the names of these layers; with them ``reading_of`` each layer that may read less of
+        others, and ``times_of`` each that may be planned at fewer times. Avatars that show at 0 are left out.
     """
-    named = [(kind.name, kind.size) for kind in LAYERS] + [(reading_of(kind.name), kind.reading) for kind in LAYERS]
+    named = [(kind.name, kind.size) for kind in LAYERS]
+    named += [(reading_of(kind.name), kind.reading) for kind in LAYERS]
+    named += [(times_of(kind.name), kind.sparse) for kind in LAYERS]
     sizes = np.unique([size for _, size in named if size < math.inf])
     levels = (np.asarray(scales)[:, None] * sizes < _VISIBLE).sum(axis=1)
     levels[np.asarray(scales) <= 0.0] = -1

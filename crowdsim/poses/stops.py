@@ -1,4 +1,4 @@
-"""What stops fists that land: head and trunk of those they hit, as pictures show them, around the strike."""
+"""What stops fists that land: head and trunk of those they hit, as their skin is, around the strike."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from crowdsim.poses.capsules import PosedBodies
 from crowdsim.poses.contacts import PoseAt
 from crowdsim.poses.hits import Landed
 from crowdsim.poses.kernels.fists import MOTION
-from crowdsim.poses.outlines import GIVES, WRIST_IN, upper_capsules
+from crowdsim.poses.outlines import GIVES, WRIST_IN, find_surface
 
 ENDS, RADII, WRIST = slice(0, 6), slice(6, 8), 8
 """Columns of a stop: start and end of a capsule, how near to it a fist may come at either end, and how much further
@@ -38,7 +38,7 @@ def find_stops(take: TakeData, near: Landed, goals: Array, wrists: Array, stoppe
         numbers = victims[which]
         build = scales, take.cast.girths[numbers], take.cast.stretches[numbers]
         bodies = PosedBodies(body, np.arange(len(which)), *build, positions[None], rotations[None])
-        starts, axes, radii = upper_capsules(bodies)
+        starts, axes, radii = find_surface(bodies)
         more = max(starts.shape[1] - found.shape[1], 0)
         found = np.pad(found, ((0, 0), (0, more), (0, 0)), constant_values=np.nan)
         own = np.arange(starts.shape[1])

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from crowdsim.core.types import Progress
 from crowdsim.errors import OutputError, under_way
@@ -18,8 +19,8 @@ from crowdsim.render.source import PoseSource
 from crowdsim.render.stage import Stage
 from crowdsim.render.video import ffmpeg, join
 
-Record = Callable[[Path, Sequence[Path], str], AbstractContextManager[Writing]]
-"""Gives where the pictures of a folder are drawn, by their files there and a mark of all that they depend on."""
+Record = Callable[[Path, Sequence[Path], str, Mapping[str, Any]], AbstractContextManager[Writing]]
+"""Gives where pictures of a folder are drawn, by their files there, a mark of all that they depend on, and facts."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ def render(
     if options.mp4:
         ffmpeg()
     planned = picture_files(out, (start, stop), options.mp4, options.png, options.contact_sheet)
-    with (record or _unrecorded)(out, planned, stage.mark) as place:
+    with (record or _unrecorded)(out, planned, stage.mark, options.facts(stage.source)) as place:
         if place.done:
             return Rendered(place.done, 0, stop - start)
         work = place.folder
@@ -145,7 +146,7 @@ def picture_files(out: Path, frames: tuple[int, int], mp4: bool, png: bool, cont
 
 
 @contextmanager
-def _unrecorded(out: Path, planned: Sequence[Path], mark: str) -> Iterator[Writing]:
+def _unrecorded(out: Path, planned: Sequence[Path], mark: str, facts: Mapping[str, Any]) -> Iterator[Writing]:
     """Draw where the pictures go."""
     yield Writing(out)
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from crowdsim.errors import CrowdsimError, TakeError
 from crowdsim.render.look import Look
 from crowdsim.render.source import PoseSource
 from crowdsim.render.stage import Stage, build_stage
-from crowdsim.scenario.cameras import Chosen
+from crowdsim.scenario.cameras import Chosen, camera_name
 from crowdsim.scenario.frame_ranges import FrameRange
 
 
@@ -87,6 +87,13 @@ class RenderOptions:
         if not 0 <= start < stop <= count:
             raise TakeError(f"{name}: frames {start}:{stop} are not there, expected a range within 0:{count}")
         return start, stop
+
+    def facts(self, source: PoseSource) -> dict[str, Any]:
+        """Return what is drawn of a source as plain data, which readers see; errors as of ``frame_range``."""
+        start, stop = self.frame_range(source)
+        camera = f"{len(self.shots)} shots" if self.shots else camera_name(self.camera or "auto")
+        size = f"{self.size[0]}x{self.size[1]}"
+        return {"size": size, "fps": source.fps, "frames": f"{start}:{stop}", "camera": camera, **asdict(self.look)}
 
     def stage(self, source: PoseSource) -> Stage:
         """Return a source with everything that its pictures share; errors as of ``build_stage``."""

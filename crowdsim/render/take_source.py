@@ -23,7 +23,7 @@ from crowdsim.take.take import Take
 
 THUMBNAIL_FRAMES = 32
 """Frames of a take that are opened for small pictures of it: a camera follows the crowd through all of them."""
-_BLOCK_BYTES = 48 << 20
+_BLOCK_BYTES = 96 << 20
 _MOST_FRAMES = 32
 _HELD, _GLOSS = -1_000_000, 0.15
 """Number of the figure of what avatar 0 carries, and its gloss."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,7 +28,7 @@ from crowdsim.files import open_plain, sync_disk, sync_folder, write_plain
 
 NAME = "checkpoint.bin"
 FORMAT = "crowdsim-checkpoint"
-VERSION = 3
+VERSION = 4
 
 SHARE = 0.005
 """Share of a run's time that checkpoints may take."""
@@ -40,6 +41,8 @@ LASTS_AFTER = 10.0
 
 _HEAD = 1 << 20
 """Longest first line [bytes]."""
+_AN_AVATAR, _A_FRAME, _ELSE = 1 << 16, 1 << 6, 1 << 26
+"""Most bytes of arrays that an avatar, a control frame and all else have, a multiple of what they take."""
 _KIND = re.compile(r"<f[48]|<[iu][248]|<U[1-9]\d{0,2}|\|[bu]1|\|i1")
 """Types of its arrays."""
 
@@ -115,8 +118,13 @@ def write_checkpoint(folder: Path, checkpoint: Checkpoint, lasts: bool = True) -
             raise OutputError(f"{folder / NAME}: cannot be written: {error.strerror or error}") from None
 
 
-def read_checkpoint(folder: Path) -> Checkpoint:
+def read_checkpoint(folder: Path, avatars: int, frames: int) -> Checkpoint:
     """Return a run's checkpoint once it has passed its checks.
+
+    Args:
+        folder: The run folder.
+        avatars: How many avatars the run has.
+        frames: How many control frames it has at the most.
 
     Raises:
         TakeError: There is none, or it is damaged or of another version.
@@ -125,6 +133,13 @@ def read_checkpoint(folder: Path) -> Checkpoint:
     try:
         with open_plain(folder, NAME) as file:
             document = _read_document(path, file.readline(_HEAD))
+            listed = sum(np.dtype(kind).itemsize * math.prod(shape) for _, kind, shape in document["arrays"])
+            held = os.fstat(file.fileno()).st_size - file.tell()
+            # Before memory is taken: a file with holes has any size.
+            most = avatars * _AN_AVATAR + min(document["frame"], frames) * _A_FRAME + _ELSE
+            if held != listed or held > most:
+                limit = f"at most {most:,}" if held == listed else f"{listed:,}"
+                raise ValueError(f"has {held:,} bytes of arrays, expected {limit}")
             body = file.read()
         if document.pop("sha256") != _checksum(document, body):
             raise ValueError("its checksum does not fit what it holds")
@@ -148,19 +163,15 @@ def read_checkpoint(folder: Path) -> Checkpoint:
 
 
 def _cut(listed: list[list[Any]], body: bytes) -> dict[str, Array]:
-    """Return the arrays that lie one behind the other in a checkpoint, by name."""
+    """Return the arrays that lie one behind the other in a checkpoint, as long as they together, by name."""
     arrays: dict[str, Array] = {}
     place = 0
     for name, kind, shape in listed:
-        dtype = np.dtype(kind)
-        size = dtype.itemsize * math.prod(shape)
-        if name in arrays or place + size > len(body):
-            raise ValueError(f"array {name!r} is there twice, or longer than the file")
+        if name in arrays:
+            raise ValueError(f"array {name!r} is there twice")
         # A copy, which can be written to and lies in memory as the processor wants it.
-        arrays[name] = np.frombuffer(body[place : place + size], dtype).reshape(shape).copy()
-        place += size
-    if place != len(body):
-        raise ValueError(f"has {len(body)} bytes of arrays, expected {place}")
+        arrays[name] = np.frombuffer(body, kind, math.prod(shape), place).reshape(shape).copy()
+        place += arrays[name].nbytes
     return arrays
 
 

@@ -38,7 +38,6 @@ class Owner:
 
     Attributes:
         host: Name of its machine.
-        boot: What tells the times apart between which the machine was started again.
         pid: Number of the process.
         started: When the process was started, as the system counts; tells processes of one number apart.
         since: When it took the folder, in UTC.
@@ -46,7 +45,6 @@ class Owner:
     """
 
     host: str
-    boot: str
     pid: int
     started: float
     since: str
@@ -60,7 +58,7 @@ class Owner:
 def this_owner(command: str) -> Owner:
     """Return this process as the owner of a folder that it takes now."""
     since = datetime.now(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
-    return Owner(socket.gethostname(), boot_id(), os.getpid(), _started(os.getpid()), since, command)
+    return Owner(socket.gethostname(), os.getpid(), _started(os.getpid()), since, command)
 
 
 def find_owner(folder: Path) -> Owner | None:
@@ -71,7 +69,7 @@ def find_owner(folder: Path) -> Owner | None:
         if json.loads(data).get("format") != FORMAT:
             return None
         if owner.host == socket.gethostname():
-            return owner if owner.boot == boot_id() and _started(owner.pid) == owner.started else None
+            return owner if _started(owner.pid) == owner.started else None
         with _locked(folder) as decides:
             return None if decides else owner
     except BlockingIOError:

@@ -78,6 +78,22 @@ class ExportEntry(OpenModel):
     files: list[str] = Field(default_factory=list)
 
 
+class OutcomeEntry(OpenModel):
+    """How a run ended, see ``crowd.ending.describe_outcome``."""
+
+    kind: str
+    frame: _Count
+    standing: list[str]
+    standing_count: _Count
+    teams: dict[str, _Count]
+
+    @model_validator(mode="after")
+    def _adds_up(self) -> OutcomeEntry:
+        if sum(self.teams.values()) != self.standing_count or bool(self.standing) != bool(self.standing_count):
+            raise Fault("does not add up to those of its teams", "standing_count")
+        return self
+
+
 class RunManifest(OpenModel):
     """A manifest; keys that are missing are those of a run of an earlier version, or of none."""
 
@@ -93,7 +109,7 @@ class RunManifest(OpenModel):
     origin: dict[str, Any] = Field(default_factory=dict)
     exports: dict[str, ExportEntry] = Field(default_factory=dict)
     statistics: dict[str, Any] = Field(default_factory=dict)
-    outcome: dict[str, Any] | None = None
+    outcome: OutcomeEntry | None = None
     seconds: dict[str, _Seconds] = Field(default_factory=lambda: {"total": 0.0})
 
     @model_validator(mode="after")

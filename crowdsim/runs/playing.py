@@ -386,21 +386,23 @@ class Session:
         Raises:
             ScenarioError: There is nothing to repeat yet.
         """
-        if not self.frame:
+        frames = self.frame  # which a step in progress may change meanwhile
+        if not frames:
             raise ScenarioError("nothing has been simulated yet, expected a control frame or more")
         targets = {
-            name: self._target(index, target) for index, (name, target) in enumerate(self.scenario.targets.items())
+            name: self._target(index, target, frames)
+            for index, (name, target) in enumerate(self.scenario.targets.items())
         }
-        events = [event for event in self._events if event.when.frame < self.frame]
-        return self._changed({"duration": self.frame, "targets": targets, "events": (*self.scenario.events, *events)})
+        events = [event for event in self._events if event.when.frame < frames]
+        return self._changed({"duration": frames, "targets": targets, "events": (*self.scenario.events, *events)})
 
-    def _target(self, index: int, target: Any) -> Any:
+    def _target(self, index: int, target: Any, frames: int) -> Any:
         """Return a target as it has been dragged, which is not checked yet."""
         path = self.crowd.targets[index]
         assert isinstance(path, KeyPath)
         if index not in self._dragged:
             return target
-        keys = [(frame, *point) for frame, point in zip(path.frames, path.points, strict=True) if frame < self.frame]
+        keys = [(frame, *point) for frame, point in zip(path.frames, path.points, strict=True) if frame < frames]
         if not keys:
             return target
         before = target.before if isinstance(target, KeysTarget) else target

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ from crowdsim.files import exists_plain
 from crowdsim.places.kernels.records import PART
 from crowdsim.runs.folder import RESOLVED, place_of, read_resolved
 from crowdsim.scenario.camera import Camera
-from crowdsim.scenario.cameras import Chosen, camera_name
+from crowdsim.scenario.cameras import Chosen
 from crowdsim.scenario.frame_ranges import parse_frames
 from crowdsim.scenario.heals import Heal, find_heals
 from crowdsim.scenario.output import FPS, Output
@@ -30,7 +30,6 @@ from crowdsim.take.take import Take
 
 if TYPE_CHECKING:
     from crowdsim.export.posed import FinishedTake
-    from crowdsim.files import Writing
     from crowdsim.render.look import Look
     from crowdsim.render.take_source import TakeSource
     from crowdsim.view.page import Page
@@ -223,12 +222,11 @@ class RecordedRun(Take):
         from crowdsim.render.command import parse_size
         from crowdsim.render.look import Look
         from crowdsim.render.options import RenderOptions
-        from crowdsim.runs.stage import wanted_pictures, write_together
+        from crowdsim.runs.stage import record_pictures
 
-        rate = parse_rate(self.fps if fps is None else fps)
-        given, said = _range_text(frames), size if isinstance(size, str) else "x".join(map(str, size))
+        rate, given = parse_rate(self.fps if fps is None else fps), _range_text(frames)
         options = RenderOptions(
-            size=parse_size(said),
+            size=parse_size(size if isinstance(size, str) else "x".join(map(str, size))),
             fps=rate,
             frames=None if given is None else parse_frames(given),
             camera=camera,
@@ -241,12 +239,7 @@ class RecordedRun(Take):
             jobs=jobs,
         )
         options.check()
-        name = None if camera is None else camera_name(camera)
-        drawn = {"size": said, "fps": rate, "frames": given, "camera": name, **asdict(options.look)}
-
-        def record(folder: Path, planned: Sequence[Path], mark: str) -> AbstractContextManager[Writing]:
-            return write_together(folder, wanted_pictures(folder, planned, mark, drawn), self.folder, force, threads)
-
+        record = partial(record_pictures, run=self.folder, force=force, threads=threads)
         return list(render(self.source(rate, threads), self._place(out), options, progress, record).files)
 
     def view(

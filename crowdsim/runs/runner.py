@@ -188,7 +188,7 @@ def _end_of_finished(one: Run, crowd: Crowd, origin: Origin) -> Checkpoint:
         if not is_folder(folder, TAKE):
             raise TakeError(f"{folder / TAKE}: is missing, or a link; links are not followed")
         check_files(folder / TAKE)
-        begun = read_checkpoint(folder)
+        begun = read_checkpoint(folder, crowd.count, crowd.frames)
     except TakeError as error:
         raise OutputError(f"the run cannot be continued: {error}") from None
     if begun.origin != replace(origin, scenario=read_resolved(folder)).checksum or begun.frame > crowd.frames:
@@ -226,7 +226,7 @@ def _write(one: Run, crowd: Crowd, origin: Origin, plan: set[str], finished: Che
         write_checkpoint(work, replace(finished, origin=origin.checksum))
     # What is half-written.
     remove_plain(work, [name for name in walk(work) if name.endswith((".part", ".partial"))])
-    begun = _find_begun(one, origin) if stage.goes_on or finished is not None else None
+    begun = _find_begun(one, crowd, origin) if stage.goes_on or finished is not None else None
     one.clock.lap("prepare")
     try:
         with under_way():
@@ -255,10 +255,10 @@ def _write(one: Run, crowd: Crowd, origin: Origin, plan: set[str], finished: Che
         raise RunError(f"{error.filename or one.folder}: {what}") from error
 
 
-def _find_begun(one: Run, origin: Origin) -> Checkpoint | None:
+def _find_begun(one: Run, crowd: Crowd, origin: Origin) -> Checkpoint | None:
     """Return where an earlier process has left a run; None where it has to start over."""
     try:
-        begun = read_checkpoint(one.work)
+        begun = read_checkpoint(one.work, crowd.count, crowd.frames)
         if begun.origin != origin.checksum:
             raise TakeError(f"{one.work / CHECKPOINT}: is of another run")
     except TakeError as error:

@@ -9,7 +9,7 @@ comes last; where the process ends on the way, the next command that writes comp
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from os.path import lexists, realpath
 from pathlib import Path
 from time import perf_counter
@@ -398,14 +398,17 @@ def _refuse(base: Path, planned: Set[str], ledger: Ledger, may_replace: bool) ->
         raise OutputError(f"{base / there}: is there already; --force replaces what crowdsim has written")
 
 
-def wanted_pictures(out: Path, planned: Sequence[Path], mark: str, drawn: Mapping[str, Any]) -> Wanted:
-    """Return what a rendering writes into a folder.
-
-    Args:
-        out: The folder.
-        planned: All files that it writes there.
-        mark: What the pictures depend on.
-        drawn: What a reader should know of them.
-    """
+def record_pictures(
+    out: Path,
+    planned: Sequence[Path],
+    mark: str,
+    facts: Mapping[str, Any],
+    *,
+    run: Path | None = None,
+    force: bool = False,
+    threads: int = 1,
+) -> AbstractContextManager[Writing]:
+    """Let a rendering write its files together (``render.batch.Record``); other arguments as of ``write_together``."""
     names = {path.relative_to(out).as_posix() for path in planned}
-    return Wanted(PICTURES, {"pictures": drawn}, names, {"mark": mark, "files": sorted(names)})
+    wanted = Wanted(PICTURES, {"pictures": facts}, names, {"mark": mark, "files": sorted(names)})
+    return write_together(out, wanted, run, force, threads)

@@ -71,6 +71,16 @@ class ArmyPlacement(StrictModel):
     gap: float = Field(default=4.0, ge=0.1, le=100_000, description="Distance between the two front ranks [m].")
     ranks: int = Field(default=5, ge=1, le=100_000, description="Number of ranks of the army.")
     spacing: Distance = Field(default=1.2, description="Distance between neighbours [m].")
+    depth: Distance | None = Field(
+        default=None, description="Distance between ranks [m]; without it, as between neighbours."
+    )
+    offset: float = Field(
+        default=0.0,
+        ge=0,
+        le=1,
+        description="How far every other rank is offset along its line, over the distance between neighbours: with 0.5 "
+        "its avatars are behind the gaps of the rank before it.",
+    )
     centre: Point = Field(default=(0.0, 0.0), description="Middle of the gap, x and z [m].")
     rotation: Degrees = Field(default=0.0, description="Rotation of the whole about its centre [degrees].")
 

@@ -73,7 +73,7 @@ def _fight(policy: Policy, seed: int, speeds: Array) -> Duel:
     settings = [f"types.boxer.policy={GRADED}", f"duration={SECONDS}s"]
     scene = load_scenario(assets.shipped("scenarios", "duel.yaml"), settings, seed, policies=[GRADED])
     crowd = draw_crowd(scene, [replace(policy, name=GRADED)])
-    counter, chunks = FightCounter(crowd.cast.widths, crowd.rate, crowd.frames), []
+    counter, chunks = FightCounter(crowd.cast, crowd.policies, crowd.rate, crowd.frames), []
     for chunk in simulate(crowd, crowd.frames):
         counter.add(chunk)
         chunks.append(chunk)

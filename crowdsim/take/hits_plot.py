@@ -16,6 +16,7 @@ from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.strikes import HANDS
 from crowdsim.poses.contacts import body_points
+from crowdsim.poses.outlines import striker_radii
 from crowdsim.poses.sampler import PoseSampler
 
 if TYPE_CHECKING:
@@ -109,10 +110,10 @@ def find_hits(sampler: PoseSampler, silhouette: Silhouette) -> Hits:
     )
     victims = np.asarray(events.victim)[some].astype(np.int64)
     limbs, frames = np.asarray(events.limb)[some].astype(np.int64), np.asarray(events.frame, dtype=float)[some]
-    times, hit = frames / take.control_rate, np.full((len(some), 3), np.nan)
-    for which, body, scales, positions, world_rotations in sampler.moments(
-        np.asarray(events.attacker)[some].astype(int), times
-    ):
+    times, hit, thick = frames / take.control_rate, np.full((len(some), 3), np.nan), np.zeros(len(some))
+    attackers = np.asarray(events.attacker)[some].astype(int)
+    for which, body, scales, positions, world_rotations in sampler.moments(attackers, times):
+        thick[which] = striker_radii(body, limbs[which], scales, take.cast.bare[attackers[which]])
         hit[which] = body_points(body, positions, world_rotations, scales)[3][np.arange(len(which)), limbs[which]]
     rows = np.clip(np.round(frames).astype(np.int64), 0, take.frame_count - 1)
     headings = np.asarray(take.heading[:])[rows, victims].astype(float)
@@ -128,7 +129,10 @@ def find_hits(sampler: PoseSampler, silhouette: Silhouette) -> Hits:
         nearer = gaps[0] - body.head_radius * scales <= gaps[1] - body.torso_radius * widths
         turned = np.zeros((len(which), 3))
         turned[:, 2] = headings[which]
-        out = ground.to_local(turned, np.where(nearer[:, None], from_head, from_torso)) / scales[:, None]
+        # What strikes touches with its surface, not with its middle.
+        far = np.where(nearer, *gaps)
+        touching = np.maximum(1.0 - thick[which] / np.maximum(far, 1e-9), 0.0) / scales
+        out = touching[:, None] * ground.to_local(turned, np.where(nearer[:, None], from_head, from_torso))
         middle = silhouette.neck + share * (silhouette.pelvis - silhouette.neck)
         points[which] = np.where(nearer[:, None], silhouette.head, middle) + out
         on_head[which] = nearer

@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from crowdsim.core.types import Array
+from crowdsim.crowd.cast import Cast
 from crowdsim.crowd.chunk import Chunk
 from crowdsim.crowd.events import OUTCOMES, VARIABLES, Events
 from crowdsim.crowd.kernels.layout import BLOCKED, EVADED
 from crowdsim.crowd.record import TakeData
 from crowdsim.crowd.statistics import overlapping
+from crowdsim.motion.strikers import GROUPS, LIMBS
+
+if TYPE_CHECKING:
+    from crowdsim.policy.policy import Policy
 
 AFTER = 10.0
 """Time that avatars are given to come together; positions are measured from then on [s]."""
 OUT_OF_REACH = 1.5
 """An opponent farther away than this over the ground is out of reach [m]."""
-AIR = 1.4
-"""A strike is thrown at the air when the opponent is farther away than this over the ground [m]."""
+AIR, HAND = 1.4, 1.0
+"""A strike is thrown at the air when the opponent is farther away than ``AIR`` over the ground [m]; one of a striker
+that reaches farther than ``HAND``, as a boxer's hands do, when it is that much farther away (``air_distances``)."""
+_REACH = 95.0
+"""Percentile of the reaches of a striker's strikes that is its reach."""
 STUCK = 10.0
 """An avatar is stuck when its opponent is out of reach for longer than this at a stretch [s]."""
 
@@ -49,8 +57,8 @@ class FightMeasures:
         landed_share: Share of the strikes thrown that landed.
         blocked_share: Share of the strikes thrown that a forearm or glove of the victim stopped.
         evaded_share: Share of the strikes thrown that the victim evaded.
-        air_share: Share of strikes thrown while the opponent was farther away than ``AIR``; of those thrown with an
-            opponent. Positions are interpolated between control frames.
+        air_share: Share of strikes thrown while the opponent was farther away than ``air_distances``; of those thrown
+            with an opponent. Positions are interpolated between control frames.
         turned_away_share: Share of counted time in which the opponent is more than 90 degrees off the heading.
         distance_median: Median distance to the opponent in counted time [m]; of frames evenly picked in long runs
             of large crowds.
@@ -78,14 +86,16 @@ class FightCounter:
     """Measures a run chunk by chunk as it comes, in memory that does not grow with its length.
 
     Args:
-        scales: Scale of each avatar. Shape (N,).
+        cast: The avatars.
+        policies: Their policies, in the order of ``cast.policy_names``.
         rate: Control frames per second.
         frames: Control frames planned, by which frames are picked for medians and overlaps.
         after: Time from which positions are counted [s].
     """
 
-    def __init__(self, scales: ArrayLike, rate: float, frames: int, after: float = AFTER) -> None:
-        self._scales = np.asarray(scales, dtype=float)
+    def __init__(self, cast: Cast, policies: Sequence[Policy], rate: float, frames: int, after: float = AFTER) -> None:
+        self._scales, self._policies = cast.widths, np.asarray(cast.policies)
+        self._air_from = air_distances(policies)
         self._rate = rate
         self._begin = int(np.ceil(after * rate - 1e-6))
         self._every = max(1, -(-frames * len(self._scales) // _SAMPLED_AVATAR_FRAMES))
@@ -147,7 +157,8 @@ class FightCounter:
             self._first_landed = float(frames[landed].min()) / self._rate
         distances = self._strike_distances(chunk, frames, attacker, np.asarray(events.victim, np.int64))
         self._aimed += int(np.count_nonzero(np.isfinite(distances)))
-        self._air += int(np.count_nonzero(distances > AIR))
+        limbs = np.asarray(events.limb, np.int64)
+        self._air += int(np.count_nonzero(distances > self._air_from[self._policies[attacker], limbs]))
 
     def _strike_distances(self, chunk: Chunk, frames: Array, attacker: Array, victim: Array) -> Array:
         """Return how far the opponent is at each strike [m]; NaN without one. Shape (S,)."""
@@ -208,14 +219,38 @@ class FightCounter:
         )
 
 
-def measure_fights(take: TakeData, after: float = AFTER) -> FightMeasures:
+def air_distances(policies: Sequence[Policy]) -> Array:
+    """Return from which distance of the opponent on strikes are thrown at the air [m], by policy and striker.
+
+    It is ``AIR`` for strikers that reach no farther than ``HAND``, and as much more as the strikes of a policy with
+    strikers of that kind, on either side, reach farther over the ground.
+
+    Args:
+        policies: The policies.
+
+    Returns:
+        Shape (policies, strikers).
+    """
+    found = np.full((len(policies), len(LIMBS)), AIR)
+    for row, policy in zip(found, policies, strict=True):
+        database = policy.database
+        reaches = np.hypot(*np.reshape(database.strike_positions, (-1, 3)).astype(float)[:, [0, 2]].T)
+        for limbs in GROUPS.values():
+            struck = reaches[np.isin(database.strike_limbs, limbs)]
+            if len(struck):
+                row[list(limbs)] += max(float(np.percentile(struck, _REACH)) - HAND, 0.0)
+    return found
+
+
+def measure_fights(take: TakeData, policies: Sequence[Policy], after: float = AFTER) -> FightMeasures:
     """Return how well avatars fight in a take, read a few frames at a time.
 
     Args:
         take: The take, in memory or lazily read.
+        policies: Its policies, in the order of ``cast.policy_names``.
         after: Time from which positions are counted [s].
     """
-    counter = FightCounter(take.cast.widths, take.control_rate, take.frame_count, after)
+    counter = FightCounter(take.cast, policies, take.control_rate, take.frame_count, after)
     for chunk in chunks_of(take):
         counter.add(chunk)
     return counter.finish()

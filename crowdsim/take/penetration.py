@@ -9,6 +9,7 @@ import numpy as np
 
 from crowdsim.core.types import Array, Progress
 from crowdsim.core.workers import share
+from crowdsim.crowd.record import TakeData
 from crowdsim.motion.body import Body
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules
@@ -51,32 +52,64 @@ def measure_penetration(sampler: PoseSampler, threads: int = 1, progress: Progre
         progress: Called with ("penetration", frames done, frames).
     """
     take = sampler.take
-    frames, most = take.output_frames(_RATE), _MOST_POSES // max(take.avatar_count, 1)
+    frames, most, depths = take.output_frames(_RATE), _most_frames(take), Depths(sampler, threads)
     if frames < 1 or take.avatar_count < 2:
-        return Penetration(None, None, None, None)
-    stretches = _stretches(frames, max(most, 1))
+        return depths.figures()
+    stretches = _stretches(frames, most)
     sampler.expect(np.concatenate([np.arange(*stretch) for stretch in stretches]) / _RATE)
-    at_once, found, done = max(1, _POSES_AT_ONCE // take.avatar_count), [], 0
+    at_once, done = max(1, _POSES_AT_ONCE // take.avatar_count), 0
     for start, stop in stretches:
         for low in range(start, stop, at_once):
             high = min(low + at_once, stop)
-            found.append(_depths(sampler, sampler.sample(low, high, _RATE), threads))
+            depths.add(sampler.sample(low, high, _RATE))
             done += high - low
             if progress is not None:
                 progress("penetration", done, min(frames, most))
-    depths = np.concatenate(found)
-    there = np.isfinite(depths[..., 0])
-    if not there.any():
-        return Penetration(None, None, None, None)
-    bodies, arms = depths[..., 0][there], depths[..., 1][there]
-    deep = depths[..., 0] > VERY_DEEP
-    episodes = np.count_nonzero(deep[1:] & ~deep[:-1]) + np.count_nonzero(deep[0])
-    return Penetration(
-        float(np.mean(bodies > DEEP)),
-        float(np.mean(np.maximum(bodies, arms) > DEEP)),
-        float(bodies.max()),
-        float(episodes / (there.sum() / _RATE / 60.0)) if len(depths) == frames else None,
-    )
+    return depths.figures()
+
+
+class Depths:
+    """Depths of all avatars in poses that come one after another.
+
+    Args:
+        sampler: What gives the poses.
+        threads: Threads that share the work.
+    """
+
+    def __init__(self, sampler: PoseSampler, threads: int = 1) -> None:
+        self._sampler, self._threads = sampler, threads
+        self._found: list[Array] = []
+
+    def add(self, groups: Sequence[Poses]) -> None:
+        """Measure all avatars over some times, by their policies."""
+        if self._sampler.take.avatar_count > 1:
+            self._found.append(_depths(self._sampler, groups, self._threads))
+
+    def figures(self) -> Penetration:
+        """Return what has been measured; episodes where that are all frames at 20 frames a second."""
+        depths = np.concatenate(self._found) if self._found else np.full((1, 1, 2), np.nan)
+        there = np.isfinite(depths[..., 0])
+        if not there.any():
+            return Penetration(None, None, None, None)
+        bodies, arms = depths[..., 0][there], depths[..., 1][there]
+        deep = depths[..., 0] > VERY_DEEP
+        episodes = np.count_nonzero(deep[1:] & ~deep[:-1]) + np.count_nonzero(deep[0])
+        whole = len(depths) == self._sampler.take.output_frames(_RATE)
+        return Penetration(
+            float(np.mean(bodies > DEEP)),
+            float(np.mean(np.maximum(bodies, arms) > DEEP)),
+            float(bodies.max()),
+            float(episodes / (there.sum() / _RATE / 60.0)) if whole else None,
+        )
+
+
+def is_sampled(take: TakeData) -> bool:
+    """Return whether a take is too long for all of its frames to be measured."""
+    return take.output_frames(_RATE) > _most_frames(take)
+
+
+def _most_frames(take: TakeData) -> int:
+    return max(_MOST_POSES // max(take.avatar_count, 1), 1)
 
 
 def _stretches(frames: int, most: int) -> list[tuple[int, int]]:

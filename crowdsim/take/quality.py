@@ -13,12 +13,14 @@ from crowdsim.crowd.events import OUTCOMES
 from crowdsim.crowd.kernels.layout import LANDED
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.poses.contacts import body_points, surface_point
+from crowdsim.poses.capsules import PosedBodies
+from crowdsim.poses.contacts import body_points
 from crowdsim.poses.kernels.records import Moments, Steps, Transitions
 from crowdsim.poses.kernels.steps import STEP
+from crowdsim.poses.outlines import find_surface, striker_radii
 from crowdsim.poses.sampler import Poses, PoseSampler
 from crowdsim.take.measures import measure_fights
-from crowdsim.take.penetration import measure_penetration
+from crowdsim.take.penetration import Depths, is_sampled, measure_penetration
 from crowdsim.take.population_metrics import measure_people
 from crowdsim.take.spreads import measure_spreads
 from crowdsim.take.variety import measure_variety
@@ -39,11 +41,12 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None, threads
     """Return figures of a run, plain data.
 
     Poses of large crowds are measured on avatars evenly picked, those of long runs, and fists, in stretches evenly
-    picked; strikes and the like on all.
+    picked; strikes and the like on all. Of long runs of few avatars penetration is measured on the same poses.
 
     Args:
         sampler: Poses of its take.
-        progress: Called with ("poses", poses done, poses), then with ("penetration", frames done, frames).
+        progress: Called with ("poses", poses done, poses), then, unless penetration is measured on these, with
+            ("penetration", frames done, frames).
         threads: Threads that share the work.
 
     Returns:
@@ -55,9 +58,9 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None, threads
         and beside them the capture's own in the frames that are shown, and in all that there are;
         ``thrown_per_minute_captured``, strikes in a minute of the capture of the mean avatar;
         ``transition_jump_ratio``, accelerations of joints near transitions over those of the frames shown there;
-        ``fist_gap_median``, ``fist_gap_95`` and ``fist_gap_most``, how far fists and feet are from the surface of
-        the avatars that they land on [m], and ``fists_off_share``, the share of them that are further than ``TOUCH``
-        from it; the attributes of ``Penetration``, of ``Variety`` and of ``Spreads``.
+        ``fist_gap_median``, ``fist_gap_95`` and ``fist_gap_most``, how far surfaces of fists and feet are from the
+        skin of the avatars that they land on, outside or inside [m], and ``fists_off_share``, the share of them that
+        are further than ``TOUCH`` from it; the attributes of ``Penetration``, of ``Variety`` and of ``Spreads``.
         Figures of which there is nothing to measure are None.
     """
     take = sampler.take
@@ -75,13 +78,16 @@ def measure_take(sampler: PoseSampler, progress: Progress | None = None, threads
         **{f"strikes_{name}": int(count) for name, count in zip(OUTCOMES, outcomes, strict=True)},
         "knock_downs": int(np.count_nonzero(take.events.down)),
         "hits_per_minute_per_avatar": landed / minutes if minutes else None,
-        **asdict(measure_fights(take)),
+        **asdict(measure_fights(take, sampler.policies)),
     }
     picked = _Picked(sampler)
     gaps = _FistGaps(sampler, picked)
-    report.update(_of_poses(sampler, picked, gaps, progress))
+    everybody = len(picked.avatars) == take.avatar_count and not picked.whole and is_sampled(take)
+    depths = Depths(sampler, threads) if everybody else None
+    report.update(_of_poses(sampler, picked, gaps, depths, progress))
     report.update(gaps.figures())
-    report.update(asdict(measure_penetration(sampler, threads, progress)))
+    penetration = depths.figures() if depths else measure_penetration(sampler, threads, progress)
+    report.update(asdict(penetration))
     report.update(asdict(measure_variety(take, sampler.policies)))
     report.update(asdict(measure_spreads(take)))
     report.update(asdict(measure_people(take, sampler.policies)))
@@ -114,14 +120,14 @@ class _Picked:
 
 
 def _of_poses(
-    sampler: PoseSampler, picked: _Picked, gaps: _FistGaps, progress: Progress | None
+    sampler: PoseSampler, picked: _Picked, gaps: _FistGaps, depths: Depths | None, progress: Progress | None
 ) -> dict[str, float | None]:
     slides: list[Array] = []
     jumps: list[Array] = []
     own: list[Array] = []
     beneath: list[Array] = []
     captured = [_CapturedMotion(sampler, index) for index in range(len(sampler.motions))]
-    for poses, start, rate in _some_poses(sampler, picked, gaps, progress):
+    for poses, start, rate in _some_poses(sampler, picked, gaps, depths, progress):
         motion = captured[poses.policy]
         times = (start + np.arange(len(poses.rotations))) / rate
         window = sampler.window(poses.policy, poses.avatars, times)
@@ -205,23 +211,20 @@ class _FistGaps:
 
 
 def _gaps(sampler: PoseSampler, some: Array) -> Array:
-    """How far fists and feet are from the surface of those whom they hit, in strikes given by number (E,) [m]."""
+    """How far the surfaces of fists and feet are from those whom they hit, outside or inside, in strikes (E,) [m]."""
     events = sampler.take.events
     times = np.asarray(events.frame, dtype=np.float64)[some] / sampler.take.control_rate
-    fists, surfaces = np.full((len(some), 3), np.nan), np.full((len(some), 3), np.nan)
-    limbs = np.asarray(events.limb)[some].astype(np.int64)
-    for which, body, scales, positions, rotations in sampler.moments(
-        np.asarray(events.attacker)[some].astype(int), times
-    ):
+    fists, radii, gaps = np.full((len(some), 3), np.nan), np.zeros(len(some)), np.full(len(some), np.nan)
+    limbs, cast = np.asarray(events.limb)[some].astype(np.int64), sampler.take.cast
+    attackers, victims = (np.asarray(values)[some].astype(int) for values in (events.attacker, events.victim))
+    for which, body, scales, positions, rotations in sampler.moments(attackers, times):
         fists[which] = body_points(body, positions, rotations, scales)[3][np.arange(len(which)), limbs[which]]
-    victims = np.asarray(events.victim)[some].astype(int)
+        radii[which] = striker_radii(body, limbs[which], scales, cast.bare[attackers[which]])
     for which, body, scales, positions, rotations in sampler.moments(victims, times):
-        widths = sampler.take.cast.widths[victims[which]]
-        head, neck, pelvis, _ = body_points(body, positions, rotations, scales)
-        surfaces[which] = surface_point(
-            fists[which], head, neck, pelvis, body.head_radius * scales, body.torso_radius * widths
-        )
-    return np.asarray(np.linalg.norm(fists - surfaces, axis=1))
+        build = scales, cast.girths[victims[which]], cast.stretches[victims[which]]
+        bodies = PosedBodies(body, np.arange(len(which)), *build, positions[None], rotations[None])
+        gaps[which] = find_surface(bodies).gaps(fists[which])[0] - radii[which]
+    return np.abs(gaps)
 
 
 class _CapturedMotion:
@@ -275,9 +278,12 @@ def _balls(sampler: PoseSampler, poses: Poses, positions: Array, rotations: Arra
 
 
 def _some_poses(
-    sampler: PoseSampler, picked: _Picked, gaps: _FistGaps, progress: Progress | None
+    sampler: PoseSampler, picked: _Picked, gaps: _FistGaps, depths: Depths | None, progress: Progress | None
 ) -> Iterator[tuple[Poses, int, float]]:
-    """Poses of what is picked, some at once: poses, first frame and rate; ``gaps`` are measured in each stretch."""
+    """Poses of what is picked, some at once: poses, first frame and rate.
+
+    In each stretch ``gaps`` are measured, and ``depths`` of poses of everybody, where these are wanted.
+    """
     total = len(picked.avatars) * sum(stop - start for start, stop in picked.stretches)
     done = 0
     for number, (start, stop) in enumerate(picked.stretches):
@@ -285,7 +291,10 @@ def _some_poses(
         for low in range(0, len(picked.avatars), at_once):
             group = picked.avatars[low : low + at_once]
             for first in range(start, stop, _POSES_AT_ONCE):
-                for poses in sampler.sample(first, min(first + _POSES_AT_ONCE, stop), picked.rate, group):
+                posed = sampler.sample(first, min(first + _POSES_AT_ONCE, stop), picked.rate, group)
+                if depths is not None:
+                    depths.add(posed)
+                for poses in posed:
                     yield poses, first, picked.rate
             done += len(group) * (stop - start)
             if low + at_once >= len(picked.avatars):

@@ -7,7 +7,7 @@ from typing import Any
 
 from crowdsim.crowd.ending import outcome_text
 from crowdsim.take.figures_text import Row, count, length, number, percent, rating, section, speed, time
-from crowdsim.take.measures import AFTER, AIR, OUT_OF_REACH, STUCK
+from crowdsim.take.measures import AFTER, OUT_OF_REACH, STUCK
 from crowdsim.take.penetration import DEEP
 from crowdsim.take.quality import TOUCH
 from crowdsim.take.variety import AROUND, LATELY, YIELDING
@@ -97,7 +97,7 @@ def _strikes(figures: Figures) -> list[Row]:
         ("first landed", "never" if first is None else f"after {time(first)}"),
         (
             "thrown at the air",
-            None if air is None else f"{percent(air)} of those at an opponent, which was further away than {AIR:g} m",
+            None if air is None else f"{percent(air)} of those at an opponent, which was beyond their reach",
         ),
     ]
 

@@ -27,7 +27,7 @@ STILL_DISTANCE = (0.7, 1.0)
 
 SCARCE, KICKERS = 60.0, 0.8
 """Less motion than this [s], and motion of whose strikes a greater share are kicks, has few ways to strikes."""
-EAGER_WEIGHTS = ("60", "7", "0.6", "5", "4")
+EAGER_WEIGHTS = ("80", "7", "0.6", "5", "4")
 """Weights of the rewards of ``fight`` then, in their order. Such ways take long, lead away from where a target is
 wanted, or turn the body aside, so that by the weights of the template keeping still would be worth more.
 """

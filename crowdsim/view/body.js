@@ -1,7 +1,9 @@
 // Bodies: forward kinematics between two recorded frames, and the capsules on the joints.
 
 const FLOATS = 12; // of a capsule: an end and its radius, the other end and its radius, linear colour and gloss
-const SKIN_PIXELS = 110, MOST_SKINS = 16; // how tall avatars with skins are in the picture [px], and how many have one
+const SKIN_PIXELS = [190, 110, 32]; // how tall avatars are in the picture [px] that have the whole skin, a coarser one, and the coarsest
+const STAYS = 0.88, MOST_SKINS = 128; // share of that down to which an avatar keeps what it has, and how many have skins
+const SKIN_PARTS = 16; // of `parts.SKIN_PARTS`
 const CLOUD_POINTS = 2500, MOST_POINTS = 60000; // points a square metre of a capsule, about, and in all
 const MARKER_RADIUS = 0.13, MARKER_PAINT = [0.85, 0.5, 0.03, 0.3];
 
@@ -59,14 +61,17 @@ class Crowd {
     this.meshes = []; // that skinned avatars carry: mesh, position and rotation of its joint, size
     this.look = 'bodies'; // or skeletons, or cloud
     this.skinned = [];
-    this.bones = Array.from({ length: MOST_SKINS }, () => new Float32Array(12 * (most + 4)));
+    this.details = new Uint8Array(this.count).fill(SKIN_PIXELS.length); // which skin each avatar has; the last number is none
+    this.grown = new Map(); // bindings of avatars to bones
+    this.boneRow = 4 * SKIN_PARTS + 12 * (most + 4);
+    this.bones = new Float32Array(MOST_SKINS * this.boneRow);
     this.cloud = new Float32Array(6 * MOST_POINTS);
     this.points = this.visible = 0;
     // Frames of obstacles: of each edge both ends and the radius.
     this.obstacles = (scene.obstacles ?? []).map(({ edges, ...others }) => ({ ...others, shapes: edgeShapes(edges, others.paint) }));
     for (const { shapes } of this.obstacles) this.capsules += shapes.length / FLOATS;
     this.positions = new Float64Array(3 * most);
-    this.rotations = new Float64Array(4 * most);
+    this.rotations = new Float64Array(4 * (most + 4)); // and those of helpers, at elbows and knees
     this.shapes = new Float32Array(FLOATS * Math.max(this.capsules, 1));
     this.owners = new Int32Array(Math.max(this.capsules, 1));
     this.drawn = 0;
@@ -77,6 +82,7 @@ class Crowd {
     // Feet of figures whose contacts are known.
     this.feet = tables.contact ? [] : null;
     this.paints = new Float32Array(tables.paint.length);
+    this.colours = tables.paint.length / (4 * this.count); // of an avatar
     // Bytes are the square roots of light; gloss is as it is.
     tables.paint.forEach((value, i) => { this.paints[i] = i % 4 === 3 ? value / 255 : (value / 255) ** 2; });
     this.stays = Array.from({ length: this.count }, () => []);
@@ -145,9 +151,8 @@ class Crowd {
   }
 
   // Poses all avatars that a view shows, or whose shadows it does, with fewer capsules the smaller they are.
-  // `near` is how far out of the picture they may be [m], `detail` how many pixels are drawn for one of the view; `skins`
-  // is how many of them, the largest, have skins where these are known.
-  place(moment, view, selected, near, detail, skins = 0) {
+  // `near` is how far out of the picture they may be [m], `detail` how many pixels are drawn for one of the view.
+  place(moment, view, selected, near, detail) {
     const { shapes, owners, heads, roots } = this, { figure: figures, height } = this.scene.tables, seen = [];
     for (let avatar = 0; avatar < this.count; avatar++) {
       roots[3 * avatar] = heads[3 * avatar] = NaN;
@@ -163,9 +168,18 @@ class Crowd {
     }
     this.skinned = [];
     this.meshes = [];
-    if (this.look === 'bodies' && skins > 0) {
-      const large = seen.filter(([avatar, size]) => size > SKIN_PIXELS && this.scene.tables.bone_at?.[avatar] >= 0);
-      this.skinned = large.sort((a, b) => b[1] - a[1]).slice(0, skins).map(([avatar]) => avatar);
+    if (this.look === 'bodies' && this.scene.tables.bone_skin) {
+      const large = [];
+      for (const one of seen) {
+        if (one[1] > STAYS * SKIN_PIXELS.at(-1)) large.push(one);
+        else this.details[one[0]] = SKIN_PIXELS.length;
+      }
+      large.sort((a, b) => b[1] - a[1]).forEach(([avatar, size], rank) => {
+        const had = this.details[avatar], found = SKIN_PIXELS.findIndex((pixels, i) => size > pixels * (had <= i ? STAYS : 1));
+        this.details[avatar] = found < 0 || rank >= MOST_SKINS ? SKIN_PIXELS.length : found;
+      });
+      const key = avatar => (figures[avatar] * 256 + this.scene.tables.bone_skin[avatar]) * 4 + this.details[avatar];
+      this.skinned = large.map(([avatar]) => avatar).filter(avatar => this.details[avatar] < SKIN_PIXELS.length).sort((a, b) => key(a) - key(b));
     }
     const behind = new Set(this.skinned);
     let at = 0;
@@ -184,9 +198,10 @@ class Crowd {
       at = next;
     }
     // What skinned avatars carry is drawn; their capsules, and rods of meshes, cast shadows and are pointed at.
-    for (const avatar of this.skinned) at = this.placeAvatar(avatar, 1e9, moment, at, true);
+    const sizes = new Map(this.skinned.length ? seen : []);
+    for (const avatar of this.skinned) at = this.placeAvatar(avatar, sizes.get(avatar), moment, at, true);
     this.visible = at;
-    for (const avatar of this.skinned) at = this.placeAvatar(avatar, 1e9, moment, at, false);
+    for (const avatar of this.skinned) at = this.placeAvatar(avatar, sizes.get(avatar), moment, at, false);
     this.drawn = at;
   }
 
@@ -223,7 +238,7 @@ class Crowd {
     const count = size > 60 ? all : size > 24 ? Math.min(all, 17) : size > 9 ? Math.min(all, 9) : Math.min(all, 4);
     for (let k = 0; k < count; k++, at++) {
       this.capsule(avatar, figure, k, shapes, FLOATS * at);
-      const paint = 4 * (7 * avatar + figure.capsules.parts[k]);
+      const paint = 4 * (this.colours * avatar + figure.capsules.parts[k]);
       for (let i = 0; i < 4; i++) shapes[FLOATS * at + 8 + i] = this.paints[paint + i];
       owners[at] = avatar;
     }
@@ -283,7 +298,7 @@ class Crowd {
   // The colour of its team, as light; of figures without teams that of their largest capsule.
   plain(avatar, figure) {
     const { team_colours: colours, tables } = this.scene, colour = colours[tables.team?.[avatar]];
-    const paint = 4 * (7 * avatar + figure.capsules.parts[0]);
+    const paint = 4 * (this.colours * avatar + figure.capsules.parts[0]);
     return colour ? [...colour.map(value => (value / 255) ** 2), 0.1] : [...this.paints.subarray(paint, paint + 4)];
   }
 
@@ -311,11 +326,33 @@ class Crowd {
     return at + joints.length;
   }
 
-  // What takes the skin of an avatar that is posed into the world, three rows of four for each joint and helper.
+  // What takes the skin of an avatar of size 1 into the frames of its joints and helpers, three rows of four for each: that
+  // of its build, longer along bones and thicker across them.
+  growth(avatar, figure) {
+    if (this.grown.has(avatar)) return this.grown.get(avatar);
+    const { tables: t } = this.scene, skin = figure.skins[t.bone_skin[avatar]], J = figure.joints.length, grown = Float32Array.from(t[`skin_${skin.number}_bindings`]);
+    const axes = t[`skin_${skin.number}_axes`], length = joint => t.stretch[3 * avatar + figure.segments[joint]];
+    for (let k = 0; k < J + 4; k++) {
+      if (!skin.thickens[k]) continue;
+      const joint = k < J ? k : skin.helpers[k - J], long = k < J ? length(k) : 0.5 * (length(figure.parents[joint]) + length(joint));
+      const wide = t.girth[avatar] / skin.girth, axis = axes.subarray(3 * k, 3 * k + 3);
+      for (let o = 12 * k; o < 12 * k + 4; o++) {
+        const along = (long - wide) * (axis[0] * grown[o] + axis[1] * grown[o + 4] + axis[2] * grown[o + 8]);
+        for (let i = 0; i < 3; i++) grown[o + 4 * i] = wide * grown[o + 4 * i] + axis[i] * along;
+      }
+    }
+    this.grown.set(avatar, grown);
+    return grown;
+  }
+
+  // Writes the paints of the parts of an avatar that is posed, and what takes its skin into the world.
   writeBones(avatar, figure) {
-    const { positions: P, rotations: R } = this, { tables: t } = this.scene, skin = figure.skins[t.bone_skin[avatar]], J = figure.joints.length;
-    const first = t.bone_at[avatar], bones = this.bones[this.skinned.indexOf(avatar)], q = new Float64Array(4 * (J + 4)), row = new Float64Array(3);
-    q.set(R.subarray(0, 4 * J));
+    const { positions: P, rotations: R, bones } = this, { tables: t } = this.scene, skin = figure.skins[t.bone_skin[avatar]], J = figure.joints.length;
+    const first = this.skinned.indexOf(avatar) * this.boneRow, parts = 4 * SKIN_PARTS, bindings = this.growth(avatar, figure), s = t.scale[avatar];
+    for (let i = 0; i < parts; i++) {
+      const value = t.skin_paint[parts * avatar + i] / 255;
+      bones[first + i] = i % 4 === 3 ? value : value * value;
+    }
     skin.helpers.forEach((joint, h) => {
       // Half of how far the joint turns from where it is straight.
       const above = figure.parents[joint], up = R.subarray(4 * above, 4 * above + 4);
@@ -323,13 +360,18 @@ class Crowd {
       const half = bent[0] < 0 ? bent.map(value => -value) : bent;
       half[0] += 1;
       const size = Math.hypot(...half);
-      q.set(multiply4(up, half.map(value => value / size)), 4 * (J + h));
+      R.set(multiply4(up, half.map(value => value / size)), 4 * (J + h));
     });
     for (let k = 0; k < J + 4; k++) {
-      const at = first + 12 * k, joint = k < J ? k : skin.helpers[k - J], s = t.scale[avatar];
-      for (let column = 0; column < 4; column++) {
-        rotate(row, 0, q, 4 * k, t.bone[at + column] * s, t.bone[at + 4 + column] * s, t.bone[at + 8 + column] * s);
-        for (let i = 0; i < 3; i++) bones[12 * k + 4 * i + column] = row[i] + (column === 3 ? P[3 * joint + i] : 0);
+      const joint = k < J ? k : skin.helpers[k - J], w = R[4 * k], x = R[4 * k + 1], y = R[4 * k + 2], z = R[4 * k + 3];
+      const from = 12 * k, out = first + parts + from;
+      for (let i = 0; i < 3; i++) {
+        const a = s * (i === 0 ? 1 - 2 * (y * y + z * z) : i === 1 ? 2 * (x * y + w * z) : 2 * (x * z - w * y));
+        const b = s * (i === 0 ? 2 * (x * y - w * z) : i === 1 ? 1 - 2 * (x * x + z * z) : 2 * (y * z + w * x));
+        const c = s * (i === 0 ? 2 * (x * z + w * y) : i === 1 ? 2 * (y * z - w * x) : 1 - 2 * (x * x + y * y));
+        for (let column = 0; column < 4; column++)
+          bones[out + 4 * i + column] = a * bindings[from + column] + b * bindings[from + 4 + column] + c * bindings[from + 8 + column];
+        bones[out + 4 * i + 3] += P[3 * joint + i];
       }
     }
   }

@@ -26,7 +26,7 @@ from crowdsim.render.bvh_figure import PeopleSource, clip_source, show_rate, sho
 from crowdsim.render.crowd_path import watch
 from crowdsim.render.figure import bone_capsules
 from crowdsim.scenario.frame_ranges import parse_frames
-from crowdsim.view.recording import Recording, describe_figure, plan_cameras
+from crowdsim.view.recording import Recording, describe_figure, pack_paints, plan_cameras
 
 MOST_FILES = 200
 """Most files of a folder that are shown together."""
@@ -184,7 +184,6 @@ class BvhMotion:
         count = self.avatars
         teams = np.arange(count)
         paints = avatar_paints(teams if count > 1 else np.zeros(1, int))
-        shades = np.rint(255.0 * np.clip(np.concatenate([np.sqrt(paints[..., :3]), paints[..., 3:]], -1), 0.0, 1.0))
         heights = [
             float(clip.root_positions[:, 1].max()) if capture.body is None else capture.body.height
             for clip, capture in zip(self.clips, self.captures, strict=True)
@@ -211,7 +210,7 @@ class BvhMotion:
             "girth": np.ones(count, np.float32),
             "stretch": np.ones((count, 3), np.float32),
             "height": np.array(heights, np.float32),
-            "paint": shades.astype(np.uint8),
+            "paint": pack_paints(paints),
             "present": np.column_stack([np.arange(count), stays])[stays[:, 1] > stays[:, 0]].astype(np.int32),
             **self._found(),
         }

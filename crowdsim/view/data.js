@@ -3,8 +3,10 @@
 const element = id => document.getElementById(id);
 
 async function inflate(bytes) {
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('deflate'));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
+  const { readable, writable } = new DecompressionStream('deflate'), writer = writable.getWriter();
+  // What is wrong with them is what reading says. A blob's stream would come by way of another process.
+  for (const done of [writer.write(bytes), writer.close()]) done.catch(() => {});
+  return new Uint8Array(await new Response(readable).arrayBuffer());
 }
 
 function fromBase64(text) {
@@ -164,8 +166,9 @@ async function openRecording() {
   scene.figures.forEach(figure => { figure.avatars = []; });
   scene.tables.figure.forEach((figure, avatar) => scene.figures[figure].avatars.push(avatar));
   const recording = scene.live ? new LiveRecording(scene) : new Recording(source, scene);
-  // The first block is unpacked, or posed, while the picture is being prepared.
-  recording.load(0, true);
+  const first = recording.load(0, true);
+  // A server poses the first block while the picture is being prepared; a page unpacks it while the browser starts graphics.
+  if (origin.scene) await first.promise;
   recording.why = origin.why;
   return recording;
 }

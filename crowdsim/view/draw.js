@@ -11,6 +11,8 @@ const QUALITIES = [[2, 4], [1, 4], [1, 0], [0.7, 0], [0.5, 0], [0.35, 0]];
 const SLOW = 42, FAST = 24; // medians of the time between pictures at which quality changes [ms]
 const SWIFT = 20, HASTE = 2; // the median that is soon enough for what is dragged [ms]; how much coarser others begin, and twice that where it is twice as long
 
+const COARSE = [1600, 560], FACE = [2, 3, 4, 5]; // triangles of coarse skins; parts of faces, which these have as skin
+
 const HEAD = `#version 300 es
 precision highp float;
 precision highp int;
@@ -121,23 +123,27 @@ void main() {
 }`;
 const SKIN_VERTEX = `${HEAD}
 layout(location = 0) in vec3 place;
-layout(location = 1) in vec3 normal;
+layout(location = 1) in vec4 normal; // and the number of its part
 layout(location = 2) in uvec4 joints;
 layout(location = 3) in vec4 weights;
-uniform sampler2D bones; // three texels a joint: rows of what takes the skin into the world
-uniform int body; // row of the texture
+uniform sampler2D bones; // of each avatar a row: paints of its parts, then three texels a joint, which take the skin into the world
+uniform int body; // row of the first avatar
 out vec3 at, n;
+flat out vec4 paint;
 void main() {
+  int row = body + gl_InstanceID;
+  paint = texelFetch(bones, ivec2(int(127.0 * normal.w + 0.5), row), 0);
   vec4 x = vec4(0), y = vec4(0), z = vec4(0);
   for (int k = 0; k < 4; k++) {
-    int j = 3 * int(joints[k]);
-    x += weights[k] * texelFetch(bones, ivec2(j, body), 0);
-    y += weights[k] * texelFetch(bones, ivec2(j + 1, body), 0);
-    z += weights[k] * texelFetch(bones, ivec2(j + 2, body), 0);
+    if (weights[k] == 0.0) continue;
+    int j = 3 * int(joints[k]) + ${SKIN_PARTS};
+    x += weights[k] * texelFetch(bones, ivec2(j, row), 0);
+    y += weights[k] * texelFetch(bones, ivec2(j + 1, row), 0);
+    z += weights[k] * texelFetch(bones, ivec2(j + 2, row), 0);
   }
   vec4 p = vec4(place, 1);
   at = vec3(dot(x, p), dot(y, p), dot(z, p));
-  n = vec3(dot(x.xyz, normal), dot(y.xyz, normal), dot(z.xyz, normal));
+  n = vec3(dot(x.xyz, normal.xyz), dot(y.xyz, normal.xyz), dot(z.xyz, normal.xyz));
   gl_Position = project(at);
 }`;
 const PROP_VERTEX = `${HEAD}
@@ -146,16 +152,19 @@ layout(location = 1) in vec3 normal;
 uniform vec3 joint; // that carries it: its position and rotation
 uniform vec4 turn;
 uniform float size;
+uniform vec4 colour;
 out vec3 at, n;
+flat out vec4 paint;
 vec3 turned(vec3 v) { return v + 2.0 * cross(turn.yzw, cross(turn.yzw, v) + turn.x * v); }
 void main() {
   at = joint + turned(size * place);
   n = turned(normal);
+  paint = colour;
   gl_Position = project(at);
 }`;
 const SKIN_FRAGMENT = `${HEAD}${LIT}
 in vec3 at, n;
-uniform vec4 paint;
+flat in vec4 paint;
 out vec4 colour;
 void main() {
   vec3 way = at - eye;
@@ -236,9 +245,11 @@ uniform vec3 zenith;
 uniform vec4 floor_; // brightness, and how strong squares, lines and fine lines are
 uniform vec4 arena; // centre and half sizes
 uniform int arenaKind;
+#ifdef HEAT
 uniform sampler2D heat; // of strikes that have landed, over a part of the floor
-uniform vec4 heatBox; // its corner and its sizes, of which 0 is none
+uniform vec4 heatBox; // its corner and its sizes
 uniform int heatKind; // 0 for strikes, 1 for values
+#endif
 float rise(float x) { float h = 0.5 * x; return 1.0 - abs((h - floor(h)) * 2.0 - 1.0); }
 float checks(float x, float w) {
   return (rise(x + 0.5 * w) - rise(x - 0.5 * w)) / w * clamp(1.6 - 0.8 * w, 0.0, 1.0);
@@ -273,22 +284,22 @@ void main() {
   float albedo = (floor_.x + floor_.y * squares) * (1.0 - floor_.z * line) * (1.0 - floor_.w * fine) * (1.0 - 0.3 * outside);
   albedo += border * (0.85 - albedo);
   vec3 tint = vec3(albedo);
-  if (heatBox.z > 0.0) {
-    vec2 at = (p - heatBox.xy) / heatBox.zw;
-    if (at.x > 0.0 && at.x < 1.0 && at.y > 0.0 && at.y < 1.0) {
-      float h = texture(heat, at).r;
-      if (heatKind == 1) {
-        vec3 low = mix(vec3(0.006, 0.01, 0.07), vec3(0.02, 0.09, 0.2), clamp(h * 4.0, 0.0, 1.0));
-        low = mix(low, vec3(0.1, 0.3, 0.25), clamp(h * 4.0 - 1.0, 0.0, 1.0));
-        low = mix(low, vec3(0.45, 0.6, 0.2), clamp(h * 4.0 - 2.0, 0.0, 1.0));
-        tint = mix(tint, mix(low, vec3(1.0, 0.92, 0.5), clamp(h * 4.0 - 3.0, 0.0, 1.0)), 0.9 * smoothstep(0.5, 0.49, length(at - 0.5)));
-      } else if (heatKind == 0) {
+#ifdef HEAT
+  vec2 at = (p - heatBox.xy) / heatBox.zw;
+  if (at.x > 0.0 && at.x < 1.0 && at.y > 0.0 && at.y < 1.0) {
+    float h = texture(heat, at).r;
+    if (heatKind == 1) {
+      vec3 low = mix(vec3(0.006, 0.01, 0.07), vec3(0.02, 0.09, 0.2), clamp(h * 4.0, 0.0, 1.0));
+      low = mix(low, vec3(0.1, 0.3, 0.25), clamp(h * 4.0 - 1.0, 0.0, 1.0));
+      low = mix(low, vec3(0.45, 0.6, 0.2), clamp(h * 4.0 - 2.0, 0.0, 1.0));
+      tint = mix(tint, mix(low, vec3(1.0, 0.92, 0.5), clamp(h * 4.0 - 3.0, 0.0, 1.0)), 0.9 * smoothstep(0.5, 0.49, length(at - 0.5)));
+    } else if (heatKind == 0) {
       // From the floor's own grey over red to bright yellow: lighter is more, to eyes that see no red too.
       vec3 warm = mix(vec3(0.35, 0.02, 0.05), mix(vec3(0.8, 0.16, 0.03), vec3(1.0, 0.85, 0.2), smoothstep(0.5, 1.0, h)), smoothstep(0.0, 0.5, h));
       tint = mix(tint, warm, smoothstep(0.02, 0.2, h) * 0.85);
-      }
     }
   }
+#endif
   vec2 dark = texelFetch(shadows, ivec2(gl_FragCoord.xy), 0).rg;
   vec3 c = tint * (SUN * sun.y * (1.0 - dark.r) + (SKY - 0.03) * (1.0 - dark.g));
   colour = vec4(develop(mix(c, sky, fog(t))), 1);
@@ -341,9 +352,11 @@ void main() {
 }`;
 const SHAPES = { landed: 1, thrown: 1, blocked: 2, evaded: 3, missed: 0 };
 
+const defined = (word, shader) => shader.replace('\n', `\n#define ${word}\n`);
+
 class Painter {
   constructor(canvas, crowd) {
-    const gl = this.gl = canvas.getContext('webgl2', { antialias: false, alpha: true, powerPreference: 'high-performance' });
+    const gl = this.gl = canvas.getContext('webgl2', { antialias: false, alpha: false, powerPreference: 'high-performance' });
     if (!gl) throw Error('This browser has no WebGL 2, which the player draws with. Another browser, or one with '
       + 'hardware acceleration switched on, shows this page.');
     Object.assign(this, { canvas, crowd, scene: crowd.scene, hasty: false, median: 0, times: [] });
@@ -357,7 +370,7 @@ class Painter {
     const gl = this.gl;
     const linked = {
       body: this.program(BODY_VERTEX, BODY_FRAGMENT),
-      smoothBody: this.program(BODY_VERTEX, BODY_FRAGMENT.replace('\n', '\n#define SMOOTH\n')),
+      smoothBody: this.program(BODY_VERTEX, defined('SMOOTH', BODY_FRAGMENT)),
       shadow: this.program(SHADOW_VERTEX, SHADOW_FRAGMENT),
       floor: this.program(FLOOR_VERTEX, FLOOR_FRAGMENT),
       mark: this.program(MARK_VERTEX, MARK_FRAGMENT),
@@ -384,7 +397,7 @@ class Painter {
     this.skins = new Map();
     this.boneTexture = gl.createTexture();
     gl.bindTexture(gl.TEXTURE_2D, this.boneTexture);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, this.crowd.bones[0].length / 4, MOST_SKINS, 0, gl.RGBA, gl.FLOAT, null);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, this.crowd.boneRow / 4, MOST_SKINS, 0, gl.RGBA, gl.FLOAT, null);
     this.nearest();
     this.pointBuffer = gl.createBuffer();
     this.pointArray = this.attributes([[0, this.pointBuffer, 3, 24, 0], [1, this.pointBuffer, 3, 24, 12]]);
@@ -398,6 +411,8 @@ class Painter {
     this.darkFrame = gl.createFramebuffer();
     this.smooth = gl.createFramebuffer();
     this.smoothColour = gl.createRenderbuffer();
+    this.whole = gl.createFramebuffer();
+    this.wholeColour = gl.createRenderbuffer();
     this.depth = gl.createRenderbuffer();
     this.size = '';
   }
@@ -424,44 +439,63 @@ class Painter {
     return buffer;
   }
 
-  // The mesh of a build, which goes to the graphics memory once.
-  mesh(figure, build) {
-    const gl = this.gl, key = `${figure} ${build}`;
+  // The mesh of a build as fine as wanted, which goes to the graphics memory once; faces of coarse ones have no parts.
+  mesh(figure, build, detail) {
+    const { number, ends } = this.scene.figures[figure].skins[build], key = `${number} ${detail}`;
     if (this.skins.has(key)) return this.skins.get(key);
-    const skin = this.scene.figures[figure].skins[build], { tables: t } = this.scene, of = name => t[`skin_${skin.number}_${name}`];
-    const normals = Int8Array.from(of('normals'), value => value - 128);
-    const array = this.attributes([[0, this.fill(gl.ARRAY_BUFFER, of('vertices')), 3, 0, 0], [1, this.fill(gl.ARRAY_BUFFER, normals), 3, 0, 0, gl.BYTE],
-      [2, this.fill(gl.ARRAY_BUFFER, of('joints')), 4, 0, 0, gl.UNSIGNED_BYTE], [3, this.fill(gl.ARRAY_BUFFER, of('weights')), 4, 0, 0, gl.UNSIGNED_BYTE]]);
-    gl.bindVertexArray(array);
-    this.fill(gl.ELEMENT_ARRAY_BUFFER, Uint16Array.from(of('triangles')));
-    gl.bindVertexArray(null);
-    const made = { array, ends: skin.ends };
-    this.skins.set(key, made);
-    return made;
+    const { tables: t } = this.scene, triangles = t[`skin_${number}_triangles`], parts = new Uint8Array(triangles.length / 3);
+    ends.forEach((end, part) => parts.fill(part, part ? ends[part - 1] : 0, end));
+    if (detail === 0) this.skins.set(key, this.upload(number, triangles, parts));
+    else {
+      const plain = parts.map(part => FACE.includes(part) ? 0 : part);
+      coarsen(t[`skin_${number}_vertices`], triangles, plain, COARSE).forEach((made, i) => this.skins.set(`${number} ${i + 1}`, this.upload(number, ...made)));
+    }
+    return this.skins.get(key);
   }
 
-  // Draws the skins of the avatars that have one now.
+  // Sends a mesh of triangles to the graphics memory, with vertices of its own for each part.
+  upload(number, triangles, parts) {
+    const gl = this.gl, indices = new Uint16Array(triangles.length), known = new Map(), owned = [], bytes = [];
+    triangles.forEach((vertex, i) => {
+      const key = vertex * SKIN_PARTS + parts[i / 3 | 0];
+      if (!known.has(key)) {
+        known.set(key, owned.length);
+        owned.push(vertex);
+        bytes.push(parts[i / 3 | 0]);
+      }
+      indices[i] = known.get(key);
+    });
+    const pick = (name, width, kind, wide = width) => {
+      const from = this.scene.tables[`skin_${number}_${name}`], out = new kind(wide * owned.length);
+      owned.forEach((vertex, i) => { for (let k = 0; k < width; k++) out[wide * i + k] = from[width * vertex + k]; });
+      return out;
+    };
+    const normals = Int8Array.from(pick('normals', 3, Uint8Array, 4), (value, i) => i % 4 < 3 ? value - 128 : bytes[i >> 2]);
+    const array = this.attributes([[0, this.fill(gl.ARRAY_BUFFER, pick('vertices', 3, Float32Array)), 3, 0, 0], [1, this.fill(gl.ARRAY_BUFFER, normals), 4, 0, 0, gl.BYTE],
+      [2, this.fill(gl.ARRAY_BUFFER, pick('joints', 4, Uint8Array)), 4, 0, 0, gl.UNSIGNED_BYTE], [3, this.fill(gl.ARRAY_BUFFER, pick('weights', 4, Uint8Array)), 4, 0, 0, gl.UNSIGNED_BYTE]]);
+    gl.bindVertexArray(array);
+    this.fill(gl.ELEMENT_ARRAY_BUFFER, indices);
+    gl.bindVertexArray(null);
+    return { array, count: indices.length };
+  }
+
+  // Draws the skins of the avatars that have one now; those of one mesh are instances of it.
   drawSkins(view) {
-    const gl = this.gl, { crowd, scene: { tables: t } } = this;
-    if (!crowd.skinned.length) return;
+    const gl = this.gl, { crowd, scene: { tables: t } } = this, { skinned } = crowd;
+    if (!skinned.length) return;
     gl.activeTexture(gl.TEXTURE3);
     gl.bindTexture(gl.TEXTURE_2D, this.boneTexture);
-    crowd.skinned.forEach((_, row) => gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, row, crowd.bones[row].length / 4, 1, gl.RGBA, gl.FLOAT, crowd.bones[row]));
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, crowd.boneRow / 4, skinned.length, gl.RGBA, gl.FLOAT, crowd.bones);
     this.use('skin', view, {});
-    const { uniforms } = this.programs.skin;
     gl.enable(gl.CULL_FACE);
-    crowd.skinned.forEach((avatar, row) => {
-      const { array, ends } = this.mesh(t.figure[avatar], t.bone_skin[avatar]);
+    const same = (a, b) => t.figure[a] === t.figure[b] && t.bone_skin[a] === t.bone_skin[b] && crowd.details[a] === crowd.details[b];
+    for (let first = 0, end = 0; first < skinned.length; first = end) {
+      while (end < skinned.length && same(skinned[first], skinned[end])) end++;
+      const { array, count } = this.mesh(t.figure[skinned[first]], t.bone_skin[skinned[first]], crowd.details[skinned[first]]);
       gl.bindVertexArray(array);
-      gl.uniform1i(uniforms.body, row);
-      let first = 0;
-      ends.forEach((end, part) => {
-        const paint = [0, 1, 2, 3].map(i => t.skin_paint[4 * (ends.length * avatar + part) + i] / 255);
-        gl.uniform4f(uniforms.paint, paint[0] ** 2, paint[1] ** 2, paint[2] ** 2, paint[3]);
-        if (end > first) gl.drawElements(gl.TRIANGLES, 3 * (end - first), gl.UNSIGNED_SHORT, 6 * first);
-        first = end;
-      });
-    });
+      gl.uniform1i(this.programs.skin.uniforms.body, first);
+      gl.drawElementsInstanced(gl.TRIANGLES, count, gl.UNSIGNED_SHORT, 0, end - first);
+    }
     gl.disable(gl.CULL_FACE);
   }
 
@@ -473,7 +507,7 @@ class Painter {
         const [places, normals] = [mesh.places, mesh.normals].map(values => this.fill(gl.ARRAY_BUFFER, new Float32Array(values)));
         this.skins.set(mesh, this.attributes([[0, places, 3, 0, 0], [1, normals, 3, 0, 0]]));
       }
-      this.use('prop', view, { joint, turn, size, paint: mesh.paint });
+      this.use('prop', view, { joint, turn, size, colour: mesh.paint });
       gl.bindVertexArray(this.skins.get(mesh));
       gl.drawArrays(gl.TRIANGLES, 0, mesh.places.length / 3);
     }
@@ -547,11 +581,11 @@ class Painter {
     this.nearest();
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.darkFrame);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.dark, 0);
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.smooth);
-    for (const [buffer, format, place] of [[this.smoothColour, gl.RGBA8, gl.COLOR_ATTACHMENT0],
-      [this.depth, gl.DEPTH_COMPONENT24, gl.DEPTH_ATTACHMENT]]) {
+    for (const [frame, buffer, count, format, place] of [[this.smooth, this.smoothColour, samples, gl.RGBA8, gl.COLOR_ATTACHMENT0],
+      [this.smooth, this.depth, samples, gl.DEPTH_COMPONENT24, gl.DEPTH_ATTACHMENT], [this.whole, this.wholeColour, 0, gl.RGBA8, gl.COLOR_ATTACHMENT0]]) {
+      gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
       gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
-      gl.renderbufferStorageMultisample(gl.RENDERBUFFER, samples, format, width, height);
+      gl.renderbufferStorageMultisample(gl.RENDERBUFFER, count, format, width, height);
       gl.framebufferRenderbuffer(gl.FRAMEBUFFER, place, gl.RENDERBUFFER, buffer);
     }
   }
@@ -588,9 +622,9 @@ class Painter {
       if (uniforms[key] !== undefined) gl.uniform1i(uniforms[key], value);
   }
 
-  quadsOf() {
+  quadsOf(count = this.crowd.drawn) {
     this.gl.bindVertexArray(this.quads);
-    this.gl.drawElementsInstanced(this.gl.TRIANGLES, 6 * ROW, this.gl.UNSIGNED_SHORT, 0, Math.ceil(this.crowd.drawn / ROW));
+    this.gl.drawElementsInstanced(this.gl.TRIANGLES, 6 * ROW, this.gl.UNSIGNED_SHORT, 0, Math.ceil(count / ROW));
   }
 
   // Marks of the strikes of the last moment, as bright as fists were fast.
@@ -649,23 +683,30 @@ class Painter {
       gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, HEAT, HEAT, gl.RED, gl.UNSIGNED_BYTE, this.heat.bytes);
       this.heated = this.heat;
     }
-    this.use('floor', view, { zenith: look.zenith, floor_: look.floor, arena: this.scene.arena.slice(1), heatBox: this.heat ? this.heat.box : [0, 0, 0, 0] });
+    // Few look at a map of the floor, and pictures without one are drawn sooner.
+    if (this.heat) this.programs.map ??= this.checked(this.program(FLOOR_VERTEX, defined('HEAT', FLOOR_FRAGMENT)));
+    this.use(this.heat ? 'map' : 'floor', view, { zenith: look.zenith, floor_: look.floor, arena: this.scene.arena.slice(1), ...this.heat && { heatBox: this.heat.box } });
     gl.bindVertexArray(this.none);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.enable(gl.DEPTH_TEST);
     if (this.samples) gl.enable(gl.SAMPLE_ALPHA_TO_COVERAGE);
     const { visible } = this.crowd, bare = this.crowd.look === 'cloud' ? 0 : visible;
-    this.use(this.samples ? 'smoothBody' : 'body', view, {}, bare);
-    if (bare) this.quadsOf();
+    if (bare) {
+      this.use(this.samples ? 'smoothBody' : 'body', view, {}, bare);
+      this.quadsOf(bare);
+    }
     gl.disable(gl.SAMPLE_ALPHA_TO_COVERAGE);
     this.drawSkins(view);
     this.drawProps(view);
     this.drawPoints(view);
     if (seconds !== null) this.marks(view, seconds);
     gl.colorMask(true, true, true, true);
-    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.smooth);
-    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
-    gl.blitFramebuffer(0, 0, this.width, this.height, 0, 0, this.width, this.height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    // Samples are put together first: the canvas may have another format.
+    for (const [from, to] of this.samples ? [[this.smooth, this.whole], [this.whole, null]] : [[this.smooth, null]]) {
+      gl.bindFramebuffer(gl.READ_FRAMEBUFFER, from);
+      gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, to);
+      gl.blitFramebuffer(0, 0, this.width, this.height, 0, 0, this.width, this.height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    }
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.bindVertexArray(null);
   }

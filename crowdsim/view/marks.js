@@ -2,6 +2,7 @@
 
 // Teams are told apart by these too, not by colour alone.
 const SYMBOLS = ['circle', 'triangle', 'square', 'diamond', 'star', 'cross', 'ring', 'down', 'hexagon', 'bar'];
+const LEAST_BARRED = 34, BAR = [0.4, 34]; // how tall avatars with bars of health are [px]; how wide bars are for that, and at most [px]
 const MOST_NAMES = 80, TRAIL = 3, TRAIL_STEP = 0.1; // seconds of trails, and of their lines
 
 function tracePath(ctx, symbol, x, y, r) {
@@ -206,9 +207,10 @@ class Overlay {
     ctx.font = '12px system-ui, sans-serif';
     ctx.textAlign = 'left';
     ctx.textBaseline = 'alphabetic';
-    for (const [[x, y], avatar] of found.slice(0, 4 * MOST_NAMES)) {
-      const chosen = avatar === options.selected, named = chosen || options.labels, full = scene.tables.health?.[2 * avatar];
-      const name = scene.names[avatar].slice(0, 40), wide = named ? ctx.measureText(name).width + (facts.hasTeams ? 14 : 0) : 34;
+    for (const [[x, y, depth], avatar] of found.slice(0, 4 * MOST_NAMES)) {
+      const tall = scene.tables.height[avatar] * view.focal / Math.max(depth, 0.3), bar = clamp(BAR[0] * tall, 0, BAR[1]);
+      const chosen = avatar === options.selected, named = chosen || options.labels, full = chosen || tall > LEAST_BARRED ? scene.tables.health?.[2 * avatar] : 0;
+      const name = scene.names[avatar].slice(0, 40), wide = named ? ctx.measureText(name).width + (facts.hasTeams ? 14 : 0) : bar;
       const box = [x - wide / 2 - 2, y - 20, x + wide / 2 + 2, y + 4];
       if (!chosen && (taken.length >= MOST_NAMES
         || taken.some(one => one[0] < box[2] && box[0] < one[2] && one[1] < box[3] && box[1] < one[3]))) continue;
@@ -225,9 +227,10 @@ class Overlay {
       if (full > 0) {
         const share = facts.health(avatar, seconds) / full;
         ctx.fillStyle = '#000000c0';
-        ctx.fillRect(x - 17, y - 3, 34, 6);
+        const wide = Math.max(bar, 12), thick = wide > 24 ? 4 : 2;
+        ctx.fillRect(x - wide / 2, y - 3, wide, thick + 2);
         ctx.fillStyle = share > 0.5 ? '#7be07b' : share > 0.2 ? '#ffd24d' : '#ff7a66';
-        ctx.fillRect(x - 16, y - 2, 32 * share, 4);
+        ctx.fillRect(x - wide / 2 + 1, y - 2, (wide - 2) * share, thick);
       }
     }
   }

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from importlib.resources import files
-from itertools import chain, islice
+from itertools import chain
 from os.path import lexists
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ _BYTES, LARGEST = 60.0, 600e6
 _SCRIPTS = (
     "data.js",
     "body.js",
+    "coarsen.js",
     "camera.js",
     "draw.js",
     "marks.js",
@@ -144,12 +145,15 @@ def page_parts(
     yield page_head(recording.name).encode()
     why = {} if reasons is None else {"why": reasons}
     with ThreadPoolExecutor(1) as pool:
-        # Skins are made while the first blocks are posed.
-        scene, blocks = pool.submit(recording.scene), recording.blocks(threads, progress)
-        first = list(islice(blocks, 1))
+        # Skins are made while blocks are posed, which come behind them.
+        scene, blocks, early = pool.submit(recording.scene), recording.blocks(threads, progress), list[str]()
+        for block in blocks:
+            early.append(block)
+            if scene.done():
+                break
     yield embedded({"scene": base64.b64encode(scene.result()).decode("ascii"), **why}).encode()
     yield program().encode()
-    for number, block in enumerate(chain(first, blocks)):
+    for number, block in enumerate(chain(early, blocks)):
         yield f'<script type="text/plain" id="block-{number}">{block}</script>\n'.encode()
 
 

@@ -392,13 +392,12 @@ class Player {
     this.painter.theme = this.dark.matches ? 'dark' : 'light';
     this.view = this.camera.view(this.crowd, this.time, passed, width, height);
     const onAvatar = ['follow', 'eye'].includes(this.camera.kind), detail = fine ? 1 : (this.painter.width || width) / width;
-    const skins = fine ? MOST_SKINS : [MOST_SKINS, MOST_SKINS, 10, 6][this.painter.quality] ?? 0;
     this.crowd.look = element('look').value;
-    this.crowd.place(moment, this.view, onAvatar ? this.camera.avatar : this.selected, 3, detail, skins);
+    this.crowd.place(moment, this.view, onAvatar ? this.camera.avatar : this.selected, 3, detail);
     // A camera on an avatar needs to know where that is now.
     if (onAvatar) {
       this.view = this.camera.view(this.crowd, this.time, this.playing ? passed : 0, width, height);
-      this.crowd.place(moment, this.view, this.camera.avatar, 3, detail, skins);
+      this.crowd.place(moment, this.view, this.camera.avatar, 3, detail);
     }
     // While it stands still, the picture is as fine as can be, once nothing has changed for a moment.
     this.tellWhy();

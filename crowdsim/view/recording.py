@@ -11,6 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from crowdsim.body.palette import EYES
 from crowdsim.core.types import Array, Progress
 from crowdsim.motion.body import Body
 from crowdsim.motion.skeleton import Skeleton
@@ -27,6 +28,8 @@ from crowdsim.view.blocks import STEP, deflate, pack_block, pack_tables, rotatio
 FORMAT, VERSION = "crowdsim-recording", 1
 OUTSIDE = -1_000_000
 """Number of an avatar that the recording does not hold."""
+HAIR = EYES + 1
+"""Number of the paint of hair, which comes after that of eyes."""
 _AVATAR_FRAMES, _LEAST_FRAMES = 200_000, 10
 """Most avatar-frames of a block, and its least number of frames."""
 _TRACK_STEP, _SIZE = 0.2, (1280, 720)
@@ -216,7 +219,9 @@ def joint_reaches(skeleton: Skeleton, figure: Figure) -> Array:
     return reaches
 
 
-def describe_figure(skeleton: Skeleton, figure: Figure, segments: Array, moving: Sequence[int]) -> dict[str, Any]:
+def describe_figure(
+    skeleton: Skeleton, figure: Figure, segments: Array, moving: Sequence[int], skinned: bool = False
+) -> dict[str, Any]:
     """Return a figure as the player wants it: its joints, and its capsules with the largest first.
 
     Args:
@@ -224,12 +229,16 @@ def describe_figure(skeleton: Skeleton, figure: Figure, segments: Array, moving:
         figure: Its capsules, a ``Body`` with face and trunks.
         segments: Which bones each of its joints carries, see ``builds.joint_segments``. Shape (J,).
         moving: Joints whose positions are recorded.
+        skinned: Whether it has a skin when it is seen from near; its capsules have hair instead of a headguard.
     """
     dressed, lie_on = dress(figure), figure_segments(figure)
     lengths = np.linalg.norm(dressed.capsule_ends - dressed.capsule_starts, axis=1)
     wide = np.max(dressed.capsule_radii, axis=1)
     order = np.argsort(-(lengths + 1.6 * wide) * wide, kind="stable")
-    parts = dressed.capsule_parts[order]
+    parts = np.array(dressed.capsule_parts)
+    if skinned:
+        parts[len(figure.capsule_parts)] = HAIR
+    parts = parts[order]
     described = {
         "joints": list(skeleton.names),
         "parents": [int(parent) for parent in skeleton.parents],
@@ -256,6 +265,12 @@ def describe_figure(skeleton: Skeleton, figure: Figure, segments: Array, moving:
         }
         described["feet"] = [int(roles["left_foot"]), int(roles["right_foot"])]
     return described
+
+
+def pack_paints(paints: Array) -> Array:
+    """Return paints (..., 4) as bytes, of which those of light are its square roots."""
+    shades = np.concatenate([np.sqrt(np.clip(paints[..., :3], 0.0, 1.0)), np.clip(paints[..., 3:], 0.0, 1.0)], -1)
+    return np.rint(255.0 * shades).astype(np.uint8)
 
 
 def _flat(values: Array) -> list[float]:

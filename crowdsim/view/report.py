@@ -16,7 +16,7 @@ from crowdsim.render.look import Look
 from crowdsim.render.stage import build_stage
 from crowdsim.scenario.heals import Heal
 from crowdsim.take.figures_text import count, number, percent, rating, time
-from crowdsim.take.measures import AIR, OUT_OF_REACH, STUCK
+from crowdsim.take.measures import OUT_OF_REACH, STUCK
 from crowdsim.take.quality import TOUCH, measure_take
 from crowdsim.take.run_text import run_sections
 from crowdsim.take.take import Take
@@ -146,8 +146,8 @@ def verdicts(figures: Mapping[str, Any]) -> list[Verdict]:
         if figures["first_landed_seconds"] is None:
             found.append((False, "No strike lands"))
         judge("first_landed_seconds", 8.0, "The first strike lands after {}", time)
-        judge("air_share", 0.05, f"{{}} of strikes are thrown at opponents further away than {AIR:g} m",
-              zero=f"No strike is thrown at an opponent further away than {AIR:g} m")  # fmt: skip
+        judge("air_share", 0.05, "{} of strikes are thrown at opponents beyond their reach",
+              zero="No strike is thrown at an opponent beyond its reach")  # fmt: skip
     judge("stuck_share", 0.0, f"{{}} of avatars stay out of reach of their opponents for more than {STUCK:g} s",
           zero=f"No avatar stays out of reach of its opponent for more than {STUCK:g} s")  # fmt: skip
     judge("out_of_reach_share", 0.4,

@@ -231,6 +231,7 @@ async def _play(stage: Stage, socket: WebSocket) -> None:
 
     loop = asyncio.get_running_loop()
     waiting: asyncio.Queue[str | bytes] = asyncio.Queue(_MOST_KEPT)
+    asked: asyncio.Queue[str] = asyncio.Queue(_MOST_WAITING)
     is_full = asyncio.Event()
 
     def put(message: str | bytes) -> None:
@@ -253,7 +254,12 @@ async def _play(stage: Stage, socket: WebSocket) -> None:
             if message.get("text") is None:
                 await socket.close(_NO_TEXT)
                 return
-            send(await asyncio.to_thread(stage.act, message["text"], send))
+            await asked.put(message["text"])
+
+    async def answer() -> None:
+        # Listening goes on meanwhile, so that it is seen when the page leaves.
+        while True:
+            send(await asyncio.to_thread(stage.act, await asked.get(), send))
 
     await socket.accept()
     tasks: list[asyncio.Task[Any]] = []
@@ -261,11 +267,11 @@ async def _play(stage: Stage, socket: WebSocket) -> None:
         # It is cancelled where the server ends while something is being done.
         with suppress(asyncio.CancelledError):
             await asyncio.to_thread(stage.watch, send)
-            tasks += [asyncio.create_task(one()) for one in (tell, listen)]
+            tasks += [asyncio.create_task(one()) for one in (tell, listen, answer)]
             tasks.append(asyncio.create_task(is_full.wait()))
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
-        await asyncio.to_thread(stage.leave, send)
+        stage.leave(send)
         for task in tasks:
             task.cancel()
         for done in await asyncio.gather(*tasks, return_exceptions=True):

@@ -24,6 +24,8 @@ TURN = 0.001
 """For how long a session that is late lets others go before it [s]."""
 Send = Callable[[str | bytes], None]
 """Sends a message to one who watches; called by any thread."""
+_ENDING = 0.5
+"""How long a step in progress is waited for at the end [s]."""
 
 
 class Passing(str):
@@ -245,26 +247,41 @@ class Stage:
         self._thread = threading.Thread(target=self._run, name="stage", daemon=True)
         self._thread.start()
 
-    def close(self) -> None:
-        """Stop for good."""
+    def close(self) -> bool:
+        """Stop for good; return whether the step in progress has ended, which is waited for a moment."""
         self._ended.set()
         self._woken.set()
-        if self._thread is not None:
-            self._thread.join()
+        if self._thread is None:
+            return True
+        self._thread.join(_ENDING)
+        return not self._thread.is_alive()
 
     def watch(self, send: Send) -> None:
         """Send messages to someone from now on, first what is to be seen now."""
-        with self._lock:
+        if not self._hold(lambda: False):
+            return
+        try:
             self._sends[send] = {}
             if self._last is not None:
                 send(self._last)
             send(json.dumps(self._status()))
+        finally:
+            self._lock.release()
         self._woken.set()
 
+    def _hold(self, has_left: Callable[[], bool]) -> bool:
+        """Take the lock after the step in progress; return False where the session ends, or someone leaves, first."""
+        while not self._lock.acquire(timeout=0.5 * _ENDING):
+            if self._ended.is_set() or has_left():
+                return False
+        if self._ended.is_set():
+            self._lock.release()
+            return False
+        return True
+
     def leave(self, send: Send) -> None:
-        """Send nothing to someone any more."""
-        with self._lock:
-            self._sends.pop(send, None)
+        """Send nothing to someone any more; this does not wait for the step in progress."""
+        self._sends.pop(send, None)
 
     def act(self, text: str, send: Send | None = None) -> str:
         """Do what someone asks for, and return the answer.
@@ -279,13 +296,16 @@ class Stage:
             first = error.errors(include_url=False, include_input=False)[0]
             where = ".".join(map(str, first["loc"]))
             return json.dumps({"error": f"this is no command: {where}: {first['msg']}"})
-        with self._lock:
-            try:
-                said = self._ask(send, command) if isinstance(command, Why | Values) else command.apply(self)
-            except CrowdsimError as error:
-                return json.dumps({"error": str(error)})
+        if not self._hold(lambda: send is not None and send not in self._sends):
+            return json.dumps({"error": "the page has left"})
+        try:
+            said = self._ask(send, command) if isinstance(command, Why | Values) else command.apply(self)
             if isinstance(command, Pause | Step | Speed | Restart | Tune):
                 self._tell(json.dumps(self._status()))
+        except CrowdsimError as error:
+            return json.dumps({"error": str(error)})
+        finally:
+            self._lock.release()
         return json.dumps({"done": command.do, **({"said": said} if said else {})})
 
     def _ask(self, send: Send | None, command: Why | Values) -> str:
@@ -293,8 +313,9 @@ class Stage:
         if command.avatar is not None and not 0 <= command.avatar < count:
             raise ScenarioError(f"avatar {command.avatar}: expected a number from 0 to {count - 1}")
         # Those who have left meanwhile are told nothing.
-        if send in self._sends:
-            self._sends[send][command.do] = command.avatar
+        about = None if send is None else self._sends.get(send)
+        if send is not None and about is not None:
+            about[command.do] = command.avatar
             if isinstance(command, Values) and command.avatar is not None:
                 send(self._values(command.avatar))
         return ""
@@ -306,7 +327,7 @@ class Stage:
     def _asked(self, what: str) -> dict[int, list[Send]]:
         """Return by avatar who asks about it."""
         asked: dict[int, list[Send]] = {}
-        for send, about in self._sends.items():
+        for send, about in list(self._sends.items()):
             avatar = about.get(what)
             if avatar is not None:
                 asked.setdefault(avatar, []).append(send)

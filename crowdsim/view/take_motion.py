@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from crowdsim.body.anatomy import Build
 from crowdsim.body.looks import build_of
 from crowdsim.body.palette import avatar_paints, capsule_paints, skin_paints, team_colour
 from crowdsim.body.parts import SKIN_PARTS
@@ -15,7 +17,7 @@ from crowdsim.body.skin import Skin, build_skin_of
 from crowdsim.core.types import Array
 from crowdsim.crowd.events import OUTCOMES
 from crowdsim.errors import TakeError
-from crowdsim.motion import quaternion
+from crowdsim.motion.body import PARTS
 from crowdsim.motion.strikes import LIMBS
 from crowdsim.places.mesh import flat_mesh
 from crowdsim.poses.builds import joint_segments
@@ -28,10 +30,10 @@ from crowdsim.scenario.frame_ranges import parse_frames
 from crowdsim.scenario.heals import Heal, find_returns
 from crowdsim.take.take import Take
 from crowdsim.view.obstacle_frames import obstacle_frames
-from crowdsim.view.recording import OUTSIDE, Recording, describe_figure, plan_cameras
+from crowdsim.view.recording import OUTSIDE, Recording, describe_figure, pack_paints, plan_cameras
 
-_MOST_SKINNED, _COARSENESS = 100, 1.4
-"""Most avatars of a recording with skins, and how many times as long as usual the edges of these are."""
+_COARSENESS = 1.4
+"""How many times as long as usual the edges of skins are."""
 _POSES_AT_ONCE = 16_000
 _ROWS_AT_ONCE = 4_000_000
 
@@ -67,7 +69,11 @@ def record_take(
     """
     count = take.output_frames(fps)
     first, stop = (0, count) if frames is None else parse_frames(frames).resolve(count, fps)
-    motion = TakeMotion(take, fps, avatars, first, stop, threads, health or {}, heals)
+    with ThreadPoolExecutor(1) as pool:
+        if threads > 1:
+            # Skins are made while poses are being prepared; they are kept, and found when they are described.
+            pool.submit(_prepare_skins, take, range(take.avatar_count) if avatars is None else avatars)
+        motion = TakeMotion(take, fps, avatars, first, stop, threads, health or {}, heals)
     sampler = motion.sampler
     source = TakeSource(take, take.policies, fps, threads=threads, arena=arena, cameras=cameras, sampler=sampler)
     crowd = watch(source)
@@ -87,18 +93,25 @@ def record_take(
     return Recording(motion, take.scenario, tracks)
 
 
+def _prepare_skins(take: Take, avatars: Sequence[int]) -> None:
+    for policy, build in {(int(take.cast.policies[avatar]), build_of(take.cast, avatar)) for avatar in avatars}:
+        build_skin_of(take.policies[policy].database, build, _COARSENESS)
+
+
 def _describe_skin(skin: Skin, number: int) -> dict[str, Any]:
-    """Return of a skin where each part's triangles end, its helpers, and their parents where limbs are straight."""
+    """Return of a skin where each part's triangles end, its helpers, and how it grows."""
     return {
         "number": number,
         "ends": np.searchsorted(skin.parts, np.arange(len(SKIN_PARTS)), side="right").tolist(),
         "helpers": skin.helpers.tolist(),
         "straights": [round(float(value), 6) for value in skin.straights().ravel()],
+        "thickens": skin.thickens.astype(int).tolist(),
+        "girth": skin.girth,
     }
 
 
 def _skin_tables(skin: Skin, number: int) -> dict[str, Array]:
-    """Return the mesh of a skin: vertices [m], normals and weights as bytes, joints, and triangles."""
+    """Return the mesh of a skin: vertices [m], normals and weights as bytes, joints, triangles, and what grows it."""
     weights = np.rint(255.0 * skin.weights)
     rows = np.arange(len(weights))
     # They add up to one, or the skin would go towards the origin.
@@ -109,6 +122,8 @@ def _skin_tables(skin: Skin, number: int) -> dict[str, Array]:
         f"skin_{number}_joints": skin.joints.astype(np.uint8),
         f"skin_{number}_weights": weights.astype(np.uint8),
         f"skin_{number}_triangles": skin.triangles.astype(np.int32),
+        f"skin_{number}_bindings": skin.inverse_bindings().astype(np.float32),
+        f"skin_{number}_axes": skin.axes.astype(np.float32),
     }
 
 
@@ -152,7 +167,7 @@ class TakeMotion:
         for index in self._policies:
             database = take.policies[index].database
             segments = joint_segments(database.skeleton, database.body)
-            self._figures.append(describe_figure(database.skeleton, database.body, segments, [0]))
+            self._figures.append(describe_figure(database.skeleton, database.body, segments, [0], skinned=True))
         self.bits = [np.array(figure["bits"]) for figure in self._figures]
 
     def poses(self, start: int, stop: int) -> list[tuple[Array, Array]]:
@@ -175,8 +190,9 @@ class TakeMotion:
         take, cast, numbers = self.take, self.take.cast, self.numbers
         teams = np.asarray(cast.teams, int)
         paints = avatar_paints(teams, np.asarray(cast.colours, float)[cast.types])[numbers]
-        worn = capsule_paints(paints, cast.bare[numbers])
-        shades = np.rint(255.0 * np.clip(np.concatenate([np.sqrt(worn[..., :3]), worn[..., 3:]], -1), 0.0, 1.0))
+        looks = np.stack([
+            skin_paints(*one) for one in zip(numbers.tolist(), paints, cast.types[numbers].tolist(), strict=True)
+        ])  # fmt: skip
         full = np.array([self._health.get(name, 0.0) for name in cast.type_names], np.float32)[cast.types[numbers]]
         _, order = np.unique(teams, return_inverse=True)
         colours = {int(team): team_colour(int(at)) for team, at in zip(teams, order, strict=True)}
@@ -209,11 +225,12 @@ class TakeMotion:
             "stretch": cast.stretches[numbers].astype(np.float32),
             "speed": cast.speeds[numbers],
             "height": self.heights.astype(np.float32),
-            "paint": shades.astype(np.uint8),
+            "paint": pack_paints(self._capsule_paints(paints, looks)),
+            "skin_paint": pack_paints(looks),
             "present": self._present.astype(np.int32),
             **self._strikes(full),
             **self._falls(),
-            **self._skins(paints),
+            **self._skins(),
             **self._opponents(),
         }
         actions, clips = self._actions()
@@ -257,42 +274,31 @@ class TakeMotion:
             })  # fmt: skip
         return found
 
-    def _skins(self, paints: Array) -> dict[str, Array]:
-        """Return meshes of skins, one for each build, and how each avatar's grows from it; nothing for large crowds.
-
-        What takes the skin of an avatar of size 1 into the frames of its joints and helpers is in ``bone``, three rows
-        of four for each, from ``bone_at`` of the avatar on; ``bone_skin`` is the avatar's of the ``skins`` of a figure.
-        """
-        if self.avatars > _MOST_SKINNED:
-            return {}
-        cast, tables, bones, first = self.take.cast, dict[str, Array](), [], 0
-        at, which, number = np.zeros(self.avatars, np.int32), np.zeros(self.avatars, np.int32), 0
+    def _skins(self) -> dict[str, Array]:
+        """Return meshes of skins, one for each build, and which of its figure's ``skins`` each avatar has."""
+        cast, tables, number = self.take.cast, dict[str, Array](), 0
+        which = np.zeros(self.avatars, np.int32)
         for policy, figure in zip(self._policies.tolist(), self._figures, strict=True):
-            database, skins = self.take.policies[policy].database, dict[Any, tuple[int, Skin]]()
+            builds = dict[Build, int]()
             figure["skins"] = []
-            segments = self.sampler.motions[policy].segments
             for column in np.flatnonzero(cast.policies[self.numbers] == policy).tolist():
-                avatar = int(self.numbers[column])
-                girth = float(cast.girths[avatar])
-                build = build_of(cast, avatar)
-                if build not in skins:
-                    skin = build_skin_of(database, build, _COARSENESS)
-                    skins[build] = len(skins), skin
+                build = build_of(cast, int(self.numbers[column]))
+                if build not in builds:
+                    skin = build_skin_of(self.take.policies[policy].database, build, _COARSENESS)
+                    builds[build] = len(builds)
                     figure["skins"].append(_describe_skin(skin, number))
                     tables |= _skin_tables(skin, number)
                     number += 1
-                which[column], skin = skins[build]
-                positions, grown = skin.growth(girth, cast.stretches[avatar][segments].astype(float))
-                grown[:, :, 3] -= positions
-                turned = quaternion.rotate(quaternion.conjugate(skin.rotations)[:, None], np.swapaxes(grown, 1, 2))
-                bones.append(np.swapaxes(turned, 1, 2).reshape(-1))
-                at[column], first = first, first + bones[-1].size
-        types = cast.types[self.numbers].tolist()
-        numbers = self.numbers.tolist()
-        looks = np.stack([skin_paints(*one) for one in zip(numbers, paints, types, strict=True)])
-        shades = np.concatenate([np.sqrt(np.clip(looks[..., :3], 0.0, 1.0)), np.clip(looks[..., 3:], 0.0, 1.0)], -1)
-        tables |= {"bone": np.concatenate(bones).astype(np.float32), "bone_at": at, "bone_skin": which}
-        return {**tables, "skin_paint": np.rint(255.0 * shades).astype(np.uint8)}
+                which[column] = builds[build]
+        return {**tables, "bone_skin": which}
+
+    def _capsule_paints(self, paints: Array, looks: Array) -> Array:
+        """Return paints of capsules, like those of the skins for which they stand from afar. Shape (n, 8, 4)."""
+        cast, numbers = self.take.cast, self.numbers
+        worn = capsule_paints(paints, cast.bare[numbers])
+        chests = np.array([sex == "male" for sex, _ in cast.bodies])[cast.types[numbers]]
+        worn[chests, PARTS.index("shirt")] = paints[chests, PARTS.index("skin")]
+        return np.concatenate([worn, looks[:, [SKIN_PARTS.index("hair")]]], axis=1)
 
     def _control(self) -> tuple[int, int]:
         """Return the first control frame that is recorded, and one past the last."""

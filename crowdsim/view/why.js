@@ -109,7 +109,7 @@ class LiveValues extends LiveReasons {
 }
 
 class ReasonPanel {
-  constructor(facts) { Object.assign(this, { facts, scene: facts.scene, shown: null }); }
+  constructor(facts) { Object.assign(this, { facts, scene: facts.scene }); }
 
   // Shows a decision, or that it is being looked for.
   show(decision) {
@@ -120,14 +120,15 @@ class ReasonPanel {
     if (decision.error) return place.replaceChildren(make('p', decision.error));
     const { frame, opponent, count, forced, terms, options } = decision, { rate, numbers } = this.scene;
     if (forced && !count) return place.replaceChildren(make('p', `At ${(frame / rate).toFixed(2)} s (control frame ${frame}) it is knocked down.`));
-    const about = opponent < 0 ? this.facts.nameOf(opponent) : this.facts.nameOf(numbers ? numbers.indexOf(opponent) : opponent);
+    const number = opponent < 0 || !numbers ? opponent : numbers.indexOf(opponent);
+    const about = this.facts.nameOf(opponent >= 0 && number < 0 ? OUTSIDE : number);
     const head = make('p', `At ${(frame / rate).toFixed(2)} s (control frame ${frame}), about ${about}: ${count} action${count === 1 ? '' : 's'}.`);
     if (forced) head.append(' It falls, rests or gets up, whatever these are worth.');
     const best = options[0]?.value ?? 0, rows = options.map(one => {
       const told = terms.map((term, t) => [term, one.parts[t]]).filter(([, part]) => Math.abs(part) >= 0.005);
       const parts = told.map(([term, part]) => `${term} ${part < 0 ? '−' : '+'}${Math.abs(part).toFixed(2)}`).join(', ');
       const mark = one.taken ? '▶' : one.drawn ? '○' : '';
-      const row = make('tr', '', make('td', mark), make('td', `${one.clip} ${one.place}`), make('td', (one.value - best).toFixed(2)));
+      const row = make('tr', '', make('td', mark), make('td', `${one.clip} ${one.place}`), make('td', (one.value - best).toFixed(2).replace('-', '−')));
       row.title = `action ${one.action}, ${one.frames} frames of the clip from ${one.place} on, value ${one.value.toFixed(3)}`;
       row.className = one.taken ? 'taken' : '';
       const more = make('tr', '', make('td'), make('td', parts));

@@ -57,7 +57,7 @@ def test_what_differs_from_a_run_with_outputs_is_the_scenario_without_them(workp
     without, whole = (scenario.pop("outputs") for scenario in scenarios)
     assert scenarios[0] == scenarios[1]
     assert without == {key: whole[key] for key in ("take", "profile") if key in whole}
-    checkpoints = [read_checkpoint(folder) for folder in (one, other)]
+    checkpoints = [read_checkpoint(folder, 100, 1_000_000) for folder in (one, other)]
     assert checkpoints[0].origin != checkpoints[1].origin
     for part in ("simulation", "take"):
         arrays = [getattr(checkpoint, part) for checkpoint in checkpoints]

@@ -90,19 +90,14 @@ def test_workers_of_this_machine_show_nothing_to_those_without_the_certificates_
     assert not place.exists()
 
 
-def test_a_dashboard_is_there_on_demand() -> None:
-    options = BatchOptions(jobs=1, dashboard=True)
-    with connect(options, find_certificates(options)) as client:
-        assert dashboard_address(client).startswith("http://127.0.0.1:")
-
-
 HOMELESS = """
 import os, pwd
+from crowdsim.batch import workers
 from crowdsim.batch.workers import BatchOptions, connect, dashboard_address, find_certificates
 def unknown(number):
     raise KeyError(number)
 if __name__ == "__main__":
-    pwd.getpwuid = unknown
+    pwd.getpwuid, workers.PATIENCE = unknown, 120.0
     options = BatchOptions(jobs=1, dashboard=True)
     with connect(options, find_certificates(options)) as client:
         assert dashboard_address(client).startswith("http://127.0.0.1:")
@@ -110,7 +105,7 @@ if __name__ == "__main__":
 """
 
 
-def test_a_dashboard_is_there_for_users_without_a_home(tmp_path: Path) -> None:
+def test_a_dashboard_is_there_on_demand_even_without_a_home(tmp_path: Path) -> None:
     program = tmp_path / "homeless.py"
     program.write_text(HOMELESS)
     without = {name: value for name, value in os.environ.items() if name != "HOME"}

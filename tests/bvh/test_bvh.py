@@ -241,6 +241,21 @@ def test_a_row_of_another_length_is_left_out_and_found():
     )
 
 
+def test_numbers_that_are_parted_by_their_signs_alone_are_parted():
+    file = bvh(PLAIN, **{"\n0 90 1 10 20": "\n0 90 1-10-20", "91 -2e1 .5": "91-2e-1 .5"})
+    np.testing.assert_array_equal(file.motion[:, 1:5], [[90, 1, -10, -20], [91, -0.2, 0.5, -5]])
+    assert file.findings == ("walk.bvh:32:6: '1-10-20': numbers without a blank between, parted at their signs",)
+    assert file.faults == ()
+
+
+@pytest.mark.parametrize(("row", "count"), [(lambda row: f"7 {row}", 16), (lambda row: row.rpartition(" ")[0], 14)])
+def test_rows_that_all_have_another_number_of_numbers_are_refused(row, count):
+    head, rows = PLAIN.replace("Frames: 2", "Frames: 4").split("0.00833333\n")
+    rows = "\n".join(map(row, rows.splitlines() * 2))
+    with pytest.raises(BvhError, match=f"^walk.bvh:32:1: 4 rows of {count} numbers, expected 15, one a channel$"):
+        parse_bvh(f"{head}0.00833333\n{rows}\n".encode(), "walk.bvh")
+
+
 def test_an_incomplete_last_row_is_left_out_where_lines_mean_nothing():
     walk = bvh(PLAIN[: PLAIN.index("0 90")] + "\n".join(str(number) for number in range(32)))
     np.testing.assert_array_equal(walk.motion, np.arange(30.0).reshape(2, 15))

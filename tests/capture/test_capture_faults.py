@@ -16,11 +16,13 @@ from crowdsim.capture.faults import FAULTS
 from crowdsim.capture.loading import load_capture, usable_clips
 from crowdsim.capture.report import describe_capture
 from crowdsim.errors import MotionError
+from crowdsim.motion import quaternion
 from crowdsim.motion.measuring import measure_body
 from crowdsim.motion.roles import find_roles
 from crowdsim.performer.session import perform
 
 ROOT = Path(__file__).parents[2]
+KINDS = [fault.name for fault in FAULTS]
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +73,11 @@ NAMES = (
     "root's positions and rotations exchanged", "positions are displacements, all zero",
     "positions are displacements of a share of a bone", "positions are offsets in another unit",
     "positions are places in the world", "a frozen second at the start", "10 rows of zeros at the end",
-    "every row twice", "frozen for half a second",
+    "every row twice", "frozen for half a second", "a blend of 0.5 s from a T-pose",
+    "a T-pose for a second in the middle", "names of left and right exchanged in the arms",
+    "names of left and right exchanged in the legs", "rotations are those in the world",
+    "positions are places against the root", "an arm was lost for a second", "single frames of an elbow are wrong",
+    "root a quarter of a second late",
 )  # fmt: skip
 
 
@@ -86,6 +92,39 @@ def test_a_fault_is_named_and_repaired_so_that_the_motion_is_that_of_the_clean_c
     assert capture.diagnoses[0].words in capture.findings
     assert capture.faults == ()
     assert judge.is_restored(true, capture)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    ["an arm was not captured", "a leg was not captured", "root without rotations",
+     "root without rotations but its heading", "root keeps its height", "root rises", "root sways up and down",
+     "root goes twice as far"],
+)  # fmt: skip
+def test_a_fault_without_a_sure_repair_is_named_and_not_trained_on(made, boxer, tmp_path, fault):
+    capture = written(tmp_path, made_with(made, boxer, fault))
+    kind = made.FAULTS[fault][0]
+    assert kind in [outcome.diagnosis.fault for outcome in capture.diagnoses if outcome.refused]
+    with pytest.raises(MotionError, match=f"{kind}: "):
+        usable_clips(capture)
+    usable_clips(written(tmp_path, made_with(made, boxer, fault), faults=dict.fromkeys(KINDS, "keep")))
+
+
+def test_the_path_of_a_root_that_sways_is_put_on_one_floor_where_asked_for(made, boxer, tmp_path):
+    bvh = made_with(made, boxer, "root sways up and down")
+    capture = written(tmp_path, bvh, faults={"floor": "repair"})
+    lowest = capture.analysis.clip.root_positions[:, 1]
+    true = written(tmp_path, from_clip(boxer)).analysis.clip.root_positions[:, 1]
+    assert np.corrcoef(lowest, true)[0, 1] > 0.7
+    assert capture.faults == ()
+
+
+def test_a_body_without_any_rotation_is_no_capture_unless_it_keeps_still(boxer, tmp_path):
+    still = np.repeat(boxer.rotations[:1], boxer.frame_count, axis=0)
+    capture = written(tmp_path, from_clip(replace(boxer, rotations=still)))
+    assert [outcome.diagnosis.fault for outcome in capture.diagnoses if outcome.refused][:1] == ["limbs"]
+    roots = np.repeat(boxer.root_positions[:1], boxer.frame_count, axis=0)
+    roots[:, 0] += 0.003 * np.sin(np.arange(boxer.frame_count) / 20.0)
+    assert written(tmp_path, from_clip(replace(boxer, rotations=still, root_positions=roots))).diagnoses == ()
 
 
 def test_every_clean_version_of_a_clean_clip_is_without_findings(made, boxer, tmp_path):
@@ -237,6 +276,37 @@ def test_what_is_found_is_plain_data_with_how_sure_it_is(made, boxer, tmp_path):
     assert fault["fault"] == "root_path"
     assert 0.9 <= fault["confidence"] < 1.0
     assert (fault["done"], fault["remedy"]) == ("repaired", "they are multiplied by 100")
+
+
+def test_a_blend_to_a_calibration_pose_at_the_end_is_left_out_and_arms_that_sink_from_it_are_not(made, boxer, tmp_path):
+    blended = made.FAULTS["a blend of 0.5 s from a T-pose"][1](from_clip(boxer))
+    back = replace(blended, motion=np.ascontiguousarray(blended.motion[::-1]))
+    capture = written(tmp_path, back)
+    (finding,) = capture.findings
+    assert finding.endswith("frames at the end are a blend to a calibration pose (95 % sure); they are left out")
+    assert 24 <= int(finding.split()[1]) <= 33
+    # An actor who takes the pose lets the arms sink, and nothing else goes with them.
+    roles, rotations = find_roles(boxer.skeleton), boxer.rotations.copy()
+    arms = [joint for role, joint in roles.items() if role.endswith(("shoulder", "elbow", "hand"))]
+    shares = np.clip(np.arange(boxer.frame_count) / 40.0, 0.0, 1.0)[:, None, None]
+    turns = quaternion.to_rotation_vector(rotations[:, arms])
+    rotations[:, arms] = quaternion.from_rotation_vector(shares * turns)
+    assert not any(
+        "blend" in finding for finding in written(tmp_path, from_clip(replace(boxer, rotations=rotations))).findings
+    )
+
+
+@pytest.mark.mocap
+@pytest.mark.parametrize("fault", ["frame rate twice as high", "root drifts", "a blend of 0.5 s from a T-pose"])
+def test_walks_of_real_capture_with_faults_that_others_hide_are_found(made, mocap, tmp_path, fault):
+    found = []
+    for name in ("cmu_02_01", "cmu_08_10", "cmu_10_04", "cmu_12_01", "cmu_12_02"):
+        (path,) = mocap.rglob(f"{name}.bvh")
+        clean = from_clip(load_capture(path).motion)
+        assert written(tmp_path, clean).findings == ()
+        capture = written(tmp_path, made.FAULTS[fault][1](clean))
+        found.append(capture.diagnoses[0].diagnosis.fault)
+    assert found == [made.FAULTS[fault][0]] * 5
 
 
 @pytest.mark.mocap

@@ -46,7 +46,9 @@ def test_a_clock_that_is_four_times_too_slow_shows_in_flight_and_the_true_rate_i
     write_bvh(tmp_path / "clip.bvh", from_clip(clip))
     assert load_capture(tmp_path / "clip.bvh").findings == ()
     write_bvh(tmp_path / "clip.bvh", from_clip(replace(clip, fps=15.0)))
-    (finding,) = load_capture(tmp_path / "clip.bvh").faults
+    finding, floor = load_capture(tmp_path / "clip.bvh").faults
+    # So slow, no second of it holds a whole hop.
+    assert floor.startswith("floor: ")
     assert finding.startswith("time_base: frame time 0.0666667 means 15 frames a second")
     rate = int(finding.partition("as on earth at about ")[2].split()[0])
     assert rate == pytest.approx(60, abs=5)
@@ -74,6 +76,44 @@ def test_a_walk_whose_clock_is_four_times_too_slow_is_refused_with_about_its_rat
     assert finding.endswith("unless motion.capture.faults says keep or a number of frames a second")
     rate = int(finding.partition("as on earth at about ")[2].split()[0])
     assert 40 < rate < 90
+
+
+def test_steps_go_as_far_for_their_time_as_those_of_people_and_twice_as_fast_half_of_that(walk):
+    steps = walk.sliced(180, 480)
+    pace = evidence_of(steps).pace
+    assert 0.3 < pace < 0.5
+    assert evidence_of(replace(steps, fps=2.0 * steps.fps)).pace == pytest.approx(pace / 2.0, rel=0.03)
+
+
+def test_who_does_not_walk_has_no_pace(boxer):
+    assert evidence_of(boxer).pace is None
+    assert evidence_of(hopping(boxer, 9.81)).pace is None
+
+
+def test_a_walk_or_hops_with_a_clock_that_is_twice_too_fast_are_refused_with_about_their_rate(walk, boxer, tmp_path):
+    for clip, words in ((walk.sliced(180, 480), "of a walk do at about "), (hopping(boxer, 9.81), "earth at about ")):
+        for factor in (0.6, 1.0, 1.5):
+            write_bvh(tmp_path / "clip.bvh", from_clip(replace(clip, fps=factor * clip.fps)))
+            assert load_capture(tmp_path / "clip.bvh").findings == ()
+        write_bvh(tmp_path / "clip.bvh", from_clip(replace(clip, fps=2.0 * clip.fps)))
+        (finding,) = load_capture(tmp_path / "clip.bvh").faults
+        assert int(finding.partition(words)[2].split()[0]) == pytest.approx(60, rel=0.3)
+
+
+def test_a_walk_that_drifts_aside_or_ahead_is_brought_back(walk, tmp_path):
+    straight = walk.sliced(300, 480)
+    write_bvh(tmp_path / "clip.bvh", from_clip(straight))
+    assert load_capture(tmp_path / "clip.bvh").findings == ()
+    seconds = np.arange(straight.frame_count)[:, None] / straight.fps
+    way = straight.root_positions[-1] - straight.root_positions[0]
+    ahead = way / np.linalg.norm(way)
+    for drift in (0.2 * np.cross([0.0, 1.0, 0.0], ahead), 0.35 * ahead + [0.0, 0.05, 0.0]):
+        drifting = replace(straight, root_positions=straight.root_positions + seconds * drift)
+        write_bvh(tmp_path / "clip.bvh", from_clip(drifting))
+        capture = load_capture(tmp_path / "clip.bvh")
+        assert [(one.diagnosis.fault, one.done) for one in capture.diagnoses] == [("root_drift", "repaired")]
+        rest = (capture.clip.root_positions - straight.root_positions)[-1] / seconds[-1]
+        assert np.linalg.norm(rest) < 0.3 * np.linalg.norm(drift)
 
 
 def test_the_root_of_a_clean_clip_follows_the_feet_that_bear_it_and_that_of_another_clip_does_not(boxer):

@@ -14,7 +14,7 @@ from synthetic_policy import policy
 from crowdsim.crowd.crowd import build_avatars, build_crowd
 from crowdsim.crowd.events import OUTCOMES
 from crowdsim.crowd.kernels.layout import BLOCKED, EVADED, LANDED, MISSED, Now
-from crowdsim.crowd.kernels.outcomes import Strike, judge
+from crowdsim.crowd.kernels.outcomes import Strike, judge, note_seen
 from crowdsim.crowd.model import build_model
 from crowdsim.crowd.model_arms import arm_rows, way_rows
 from crowdsim.crowd.script import CirclePath
@@ -40,13 +40,11 @@ def pair(glove=AWAY, elbow=AWAY, seen=HEAD, head=HEAD, place=(0.0, 0.0, 0.0), ta
     trunk = np.stack([head, head - [0, 0.15, 0], [0, 0.95, 0]])
     model = build_model([POLICY])
     frames = len(model.ground)
-    bodies = np.tile(trunk, (frames, 1, 1))
-    bodies[1] = np.stack([seen, seen - [0, 0.15, 0], [0, 0.95, 0]])  # what the attacker saw
     way = [[0.0, 1.6, REACH - 0.6], [0.0, 1.6, REACH - 0.4]]
     model = model._replace(
         ground=np.zeros_like(model.ground),
         starts=np.zeros_like(model.starts),
-        bodies=bodies.astype(np.float32),
+        bodies=np.tile(trunk, (frames, 1, 1)).astype(np.float32),
         arms=np.tile(np.stack([elbow, AWAY, glove, AWAY]), (frames, 1, 1)).astype(np.float32),
         ways=np.tile(np.array(way, np.float32), (len(model.ways), 1, 1)),
     )
@@ -58,14 +56,22 @@ def pair(glove=AWAY, elbow=AWAY, seen=HEAD, head=HEAD, place=(0.0, 0.0, 0.0), ta
     for i, (px, pz, heading) in enumerate((place, victim)):
         set_fields(avatars, "x z heading end_x end_z base_turn", i, (px, pz, heading) * 2)
     avatars.playback["action_before"] = -1
-    avatars.seen[0] = (*victim, 1.0)
-    opponent, targets = 1, np.zeros((2, 0, 3))
+    opponent, now, then, targets = 1, Now(1, 1, 2), np.zeros((2, 0, 3)), np.zeros((2, 0, 3))
     if target is not None:
-        opponent, targets = -2, np.tile(target, (2, 1, 1))
-        avatars.seen[0] = (seen[0], seen[2], seen[1], 0.0)
+        opponent, then, targets = -2, np.tile(seen, (2, 1, 1)), np.tile(target, (2, 1, 1))
+    avatars.fight["next_opponent"][0] = opponent
+    action = int(np.flatnonzero(np.diff(model.actions["strikes"]))[0])
+    first = int(model.actions["strikes"][action])
+    for name, value in (("x", 0.0), ("y", 1.6), ("z", REACH - 0.05), ("from_x", 0.0), ("from_z", REACH - 0.05)):
+        model.strikes[name][first] = value
+    looked = np.stack([seen, seen - [0, 0.15, 0], [0, 0.95, 0]])
+    looked = model._replace(bodies=np.tile(looked, (frames, 1, 1)).astype(np.float32))
+    note_seen(looked, avatars, then, now, 0, action)
+    avatars.fight["decisions"][0] += 1
+    avatars.motion["action"][0] = action
     end = x + (REACH - 0.05) * math.sin(turn), 1.6, z + (REACH - 0.05) * math.cos(turn)
-    thrown = Strike(0, int(avatars.motion["action"][0]), opponent, end, (end[0], end[2]), 1.0, False)
-    outcome, point = judge(model, avatars, targets, Now(1, 1, 2), 0, thrown)
+    thrown = Strike(first, action, opponent, end, (end[0], end[2]), 1.0, False)
+    outcome, point = judge(model, avatars, targets, now, 0, thrown)
     if outcome == BLOCKED and shield is None:
         assert_on_arm(np.array(point), glove, elbow, victim)
     elif outcome != BLOCKED:

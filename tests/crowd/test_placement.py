@@ -185,6 +185,15 @@ def test_two_armies_face_each_other_across_their_gap(rotation):
     np.testing.assert_allclose(facing[left] @ across, -1)
 
 
+def test_ranks_of_an_army_have_a_depth_and_stand_behind_the_gaps_of_those_before_them():
+    army = {"kind": "army", "side": "left", "gap": 4, "ranks": 3, "spacing": 2, "depth": 0.9, "offset": 0.25}
+    result = placed({"count": 6, "placement": army})
+    np.testing.assert_allclose(result.x, [2, 2, 2.9, 2.9, 3.8, 3.8])
+    np.testing.assert_allclose(result.z, [-1, 1, -0.5, 1.5, -1, 1])
+    short = placed({"count": 7, "placement": {**army, "ranks": 2, "offset": 0.5}})
+    np.testing.assert_allclose(short.z, [-3, -1, 1, 3, -2, 0, 2])
+
+
 def test_facing_sets_headings():
     place = {"kind": "ring", "radius": 2, "centre": [4, 0]}
     other = {"count": 2, "team": "x", "placement": {"kind": "line", "start": [-9, -1], "end": [-9, 1]}}

@@ -442,7 +442,8 @@ def test_keeping_apart_keeps_bodies_apart():
 
 def test_a_scenario_may_let_avatars_walk_through_one_another():
     for said, rules in ((True, Crowding()), (False, Crowding.none())):
-        scenario = load_scenario("brawl_30", [f"collision_avoidance={str(said).lower()}"])
+        changes = ["types.boxer.behaviours={fight: 1}", f"collision_avoidance={str(said).lower()}"]
+        scenario = load_scenario("brawl_30", changes)
         chosen = POLICIES[0]
         fight = replace(chosen.behaviours[0], name="fight")
         boxer = [replace(chosen, name="boxer", behaviours=(fight, *chosen.behaviours[1:]))]

@@ -146,6 +146,18 @@ DAMAGE = {
 }
 
 
+def test_a_process_that_finds_its_kernels_compiled_loads_no_declarations(base, tmp_path):
+    code = "import adding, sys; adding.twice(1); print('numba.cpython.numbers' in sys.modules)"
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    loaded = [
+        subprocess.run(
+            [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True, timeout=300
+        ).stdout.strip()
+        for _ in range(2)
+    ]
+    assert loaded == ["True", "False"]
+
+
 @pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
 def test_a_damaged_file_is_noted_compiled_again_and_replaced(damage, call, base):
     assert [call(name) for name in ("twice", "thrice")] == [(4, [], False), (3, [], False)]

@@ -73,7 +73,7 @@ def run_on_disk(base: Using, kind: str, seed: int | None) -> None:
 def _use_run(base: Using, folder: Path) -> None:
     """Do what commands do with a run, each as if it were alone."""
     describe_run(folder)
-    for read in (verify, read_checkpoint, complete, verify):
+    for read in (verify, lambda run: read_checkpoint(run, 100, 1_000_000), complete, verify):
         with suppress(CrowdsimError):
             read(folder)
     base.use_take(open_run(folder))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import pickle
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 import pytest
 from on_disk import change_bytes
 
-from crowdsim.jit import store
+from crowdsim.jit import cache, store
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*the kernel is compiled again:RuntimeWarning")
 SOURCE = """from crowdsim.jit import kernel
@@ -80,13 +79,13 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Kept]]:
 def unpickled(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """What is unpickled: a number of bytes each."""
     found: list[int] = []
-    loads = pickle.loads
+    unpack = cache._unpack
 
     def note(data: Any) -> Any:
         found.append(len(data))
-        return loads(data)
+        return unpack(data)
 
-    monkeypatch.setattr(pickle, "loads", note)
+    monkeypatch.setattr(cache, "_unpack", note)
     return found
 
 

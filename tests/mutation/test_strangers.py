@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -375,6 +376,7 @@ MANIFESTS: dict[str, tuple[Any, str]] = {
     "policies": (["tiny"], "policies: is a list, expected a mapping"),
     "inputs": ({"a": 1}, "inputs: is a mapping, expected a list"),
     "exports": ({"plots": {"files": 5}}, "exports.plots.files: is 5, expected a list"),
+    "outcome": ({"kind": "time"}, "outcome.frame: missing, expected a whole number"),
 }
 
 
@@ -415,7 +417,7 @@ CHECKPOINTS: dict[str, tuple[str, Change, str]] = {
 def test_a_run_is_not_extended_from_a_wrong_checkpoint(
     place: Path, strangers: Path, capsys, name: str, change: Change, message: str
 ) -> None:
-    begun = read_checkpoint(place / "run")
+    begun = read_checkpoint(place / "run", 100, 1_000_000)
     part, _, array = name.partition(".")
     arrays = dict(getattr(begun, part))
     write_checkpoint(place / "run", replace(begun, **{part: {**arrays, array: change(arrays[array])}}))
@@ -433,19 +435,35 @@ def test_a_run_is_not_extended_from_a_wrong_checkpoint(
     [
         ({"frame": -1}, "frame: is -1, expected a whole number"),
         ({"arrays": [["a", "|O", [1]]]}, "expected name, type and shape of an array"),
-        ({"arrays": [["a", "<f8", [10**12]]]}, "array 'a' is there twice, or longer than the file"),
+        ({"arrays": [["a", "<f8", [10**12]]]}, "bytes of arrays, expected 8,000,000,000,000"),
+        (lambda size: {"arrays": [["a", "|u1", [1]], ["a", "|u1", [size - 1]]]}, "array 'a' is there twice"),
         ({"arrays": []}, "bytes of arrays, expected 0"),
         ({"origin": None}, "origin: is empty, expected text"),
     ],
 )
-def test_a_checkpoint_with_a_wrong_first_line_is_damaged(place: Path, change: dict[str, Any], message: str) -> None:
+def test_a_checkpoint_with_a_wrong_first_line_is_damaged(place: Path, change: Any, message: str) -> None:
     path = place / "run" / "checkpoint.bin"
     head, _, body = path.read_bytes().partition(b"\n")
-    document = {**json.loads(head), **change}
+    document = {**json.loads(head), **(change(len(body)) if callable(change) else change)}
     del document["sha256"]
     digest = hashlib.sha256(json.dumps(document, sort_keys=True).encode() + body).hexdigest()
     path.write_bytes(json.dumps({**document, "sha256": digest}).encode() + b"\n" + body)
     with pytest.raises(TakeError) as caught:
-        read_checkpoint(place / "run")
+        read_checkpoint(place / "run", 100, 1_000_000)
     assert str(caught.value).startswith(f"{path}: is damaged: ")
     assert message in str(caught.value)
+
+
+def test_a_checkpoint_of_more_bytes_than_its_avatars_have_is_not_read(place: Path, strangers: Path, capsys) -> None:
+    path = place / "run" / "checkpoint.bin"
+    before = path.read_bytes()
+    document = json.loads(before.partition(b"\n")[0])
+    head = json.dumps({**document, "frame": 2**32, "arrays": [["a", "|u1", [2**30]]]}).encode() + b"\n"
+    path.write_bytes(head)
+    os.truncate(path, len(head) + 2**30)
+    try:
+        assert crowdsim("run", str(strangers / "four.yaml"), "--out", "run", "--extend", "5", "--threads", "1") == 2
+    finally:
+        path.write_bytes(before)
+    said = "run/checkpoint.bin: is damaged: has 1,073,741,824 bytes of arrays, expected at most"
+    assert said in capsys.readouterr().err

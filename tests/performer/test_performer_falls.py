@@ -230,13 +230,19 @@ def test_falls_are_performed_only_when_asked_for_and_change_nothing_else() -> No
     for one, other in zip(with_falls, again, strict=True):
         assert one.clip.name == other.clip.name
         assert one.clip.rotations.tobytes() == other.clip.rotations.tobytes()
-    two = [one.clip.name for one in perform(20, 5, falls=2)[len(without) :]]
+    two = [one.clip.name for one in falling_twice()]
     assert len(two) == len(set(two)) == 2 * count
+
+
+@cache
+def falling_twice() -> list[Performance]:
+    """What a session with two takes of every fall, stagger and celebration has behind its fights."""
+    return perform(10, 5, falls=2)[1:]
 
 
 def test_takes_of_a_session_fall_and_stagger_amid_fights() -> None:
     struck = hurt = 0
-    for performance in perform(10, 5, falls=2)[1:]:
+    for performance in falling_twice():
         truth = performance.truth
         if truth.cheers:
             continue

@@ -11,8 +11,17 @@ from naive_places import way_gap as naive_way_gap
 
 from crowdsim.places.arrays import are_ways_clear, as_at_first, build_places, gaps_of, pack_parts
 from crowdsim.places.description import BoxObstacle, DiscObstacle, Door, RopesObstacle, WallObstacle
-from crowdsim.places.kernels.distance import ANY_HEIGHT, CLEAR, REACH, is_way_free, part_gap, way_gap
-from crowdsim.places.kernels.records import DOOR, PART, WALL
+from crowdsim.places.kernels.distance import (
+    ANY_HEIGHT,
+    CELLS,
+    CLEAR,
+    REACH,
+    is_circle_clear,
+    is_way_free,
+    part_gap,
+    way_gap,
+)
+from crowdsim.places.kernels.records import BORDER, DOOR, PART, WALL
 
 SHAPES = [
     WallObstacle(
@@ -47,13 +56,23 @@ def test_the_nearest_obstacle_is_that_of_all(frame):
     assert found == pytest.approx([naive_gap_at(PARTS, frame, x, z, REACH) for x, z in points(400, 1)])
 
 
+def test_circles_that_are_clear_for_certain_are_in_no_obstacle_beyond_the_grid_too():
+    found = [(at, radius) for at in points(300, 2, 12.0) for radius in (0.3, 1.9, 2.5, 4.0)]
+    clear = [(at, radius) for at, radius in found if is_circle_clear(PLACES, *at, radius)]
+    assert len(found) / 3 < len(clear) < len(found)
+    assert all(gap_to(part, *at) >= radius for at, radius in clear for part in PARTS)
+
+
 def test_distances_of_ways_match_naive():
     starts, ends = points(60, 2), points(60, 3)
     for start, end in zip(starts, ends, strict=True):
         for part in PARTS:
             expected = naive_way_gap(part, start, end)
-            assert way_gap(part, *start, *end) == pytest.approx(expected, abs=2e-2)
-            assert way_gap(part, *start, *end) <= expected + 1e-9
+            assert way_gap(part, *start, *end, 99.0) == pytest.approx(expected, abs=2e-2)
+            assert way_gap(part, *start, *end, 99.0) <= expected + 1e-9
+            enough = way_gap(part, *start, *end, 0.3)
+            assert min(enough, 0.3) == pytest.approx(min(expected, 0.3), abs=2e-2)
+            assert enough <= expected + 1e-9
 
 
 @pytest.mark.parametrize("height", [ANY_HEIGHT, 1.0, 2.0])
@@ -106,3 +125,25 @@ def test_without_obstacles_every_way_is_free():
     none = build_places(np.zeros(0, PART))
     assert is_way_free(none, 0.0, 0.0, 0.0, 50.0, 50.0, 0.3, ANY_HEIGHT)
     assert gaps_of(none, points(5), 0.0).tolist() == [REACH] * 5
+
+
+def test_each_cell_of_a_wide_place_knows_its_nearest_part():
+    far = pack_parts([*enumerate(SHAPES), (4, DiscObstacle(kind="disc", centre=(30.0, 12.0), radius=1.0))], 15.0)
+    places = build_places(far, with_ways=False)
+    grid = places.grid
+    rows, columns = np.divmod(np.arange(len(places.clear)), int(grid.columns))
+    middles = np.column_stack([columns + 0.5, rows + 0.5]) * grid.size + [grid.x, grid.z]
+    chosen = np.arange(0, len(middles), 97)
+    least = [min(gap_to(part, x, z) for part in far) - grid.size / math.sqrt(2.0) for x, z in middles[chosen]]
+    assert grid.columns > 4 * CELLS
+    assert places.clear[chosen] == pytest.approx(least, abs=1e-12)
+    near = np.diff(places.offsets)[chosen]
+    assert near.tolist() == [
+        sum(gap_to(part, x, z) <= REACH + grid.size / math.sqrt(2.0) for part in far) for x, z in middles[chosen]
+    ]
+
+
+def test_a_solid_arena_needs_no_corners_for_ways():
+    ropes = RopesObstacle(kind="ropes", points=((-6.0, -6.0), (-6.0, 6.0), (6.0, 6.0), (6.0, -6.0)))
+    assert not len(build_places(pack_parts([(BORDER, ropes)], 15.0)).corners)
+    assert len(build_places(pack_parts([(0, ropes)], 15.0)).corners)

@@ -81,7 +81,8 @@ def test_a_rotated_rectangle_is_a_box_and_any_other_outline_a_wall_around(tmp_pa
         (feature("LineString", [[0, 0, 1], [4, 0, 2]]), "Feature: positions are 1 to 2 m high: uneven ground is not "
          "supported, every avatar moves on the plane y = 0, expected one height in the whole file"),
         (feature("LineString", [[8.5401, 47.3771], [8.5402, 47.3772]]), "is 0.0001 m large, expected 0.5 m or more; "
-         "'scale' says how many metres a unit of the file is"),
+         "'scale' says how many metres a unit of the file is, degrees are projected to metres by the program that "
+         "exports it"),
         (feature("LineString", [[682000, 246000], [682020, 246000]]), "a point is at 682000, 246000, expected x and z "
          "up to 4000 m; 'centre' moves the plan, 'scale' makes it smaller"),
         (collection(feature("LineString", [[0, 0, 0], [4, 0, 0]]), feature("LineString", [[0, 1, 3], [4, 1, 3]])),
@@ -153,11 +154,14 @@ def test_shapes_of_svg_become_obstacles_with_their_transforms(tmp_path):
          "rect, circle or path"),
         ("<html/>", "is <html>, expected an SVG file"),
         ("<svg", "line 1: is no XML, expected an SVG file"),
-        ('<!DOCTYPE svg [<!ENTITY a "b">]><svg/>', "defines entities, expected a plain SVG file"),
+        ('<!DOCTYPE svg [<!ENTITY a "b">]><svg/>', "defines entities, expected a plain SVG file, as programs save it "
+         "without their own data"),
         (svg('<path d="M 0 0 X 3"/>'), "a path has the command 'X', expected one of M, L, H, V, C, S, Q, T, A, Z"),
         (svg('<path d="M 0 0 L 3"/>'), "a path's command 'L' has too few numbers, expected 2"),
-        (svg('<rect x="1" width="20cm" height="4"/>'), "width of a rect is '20cm', expected a number without a unit: "
-         "lengths are in units of the file, of which 'scale' says how many metres each is"),
+        (svg('<rect x="1" width="20em" height="4"/>'), "width of a rect is '20em', expected a number, alone or with "
+         "one of px, pt, pc, in, cm, mm, Q or %; 'scale' says how many metres it is"),
+        (svg('<rect width="1" height="4%"/>').replace('viewBox="0 0 100 100"', 'width="100%"'), "height of a rect is "
+         "'4%', expected a number: a percentage needs a viewBox, or a size, of the svg that it is in"),
         (svg('<g transform="spin(3)"><line x2="9"/></g>'), "transform spin(3), expected one of SVG's"),
         (svg('<g transform="scale(2) turn"><line x2="9"/></g>'), "transform turn, expected one of SVG's, such as "
          "scale(2)"),
@@ -196,6 +200,82 @@ def test_clones_are_drawn_where_they_are_used(tmp_path):
     assert refused(tmp_path, svg('<use href="#door"/>'), "plan.svg") == message
     message = "elements are more than 100 deep, expected fewer"
     assert refused(tmp_path, svg('<g id="a"><use href="#a"/></g>'), "plan.svg") == message
+
+
+def boxes(tmp_path, inner, root='viewBox="-50 -50 100 80"'):
+    drawing = f'<svg xmlns="http://www.w3.org/2000/svg" {root}>{inner}</svg>'
+    return [(box.centre, box.size) for box in read(tmp_path, drawing, "plan.svg")]
+
+
+BLOCK = '<rect x="2" y="4" width="4" height="2"/>'
+
+
+@pytest.mark.parametrize(
+    ("nested", "centre", "size"),
+    [
+        ("", (4, 5), (4, 2)),
+        ('x="10" y="-20"', (14, -15), (4, 2)),
+        ('x="10" y="-20" width="40" height="40" viewBox="0 0 20 20"', (18, -10), (8, 4)),
+        ('x="10" y="-20" width="40" height="40" viewBox="2 4 20 20"', (14, -18), (8, 4)),
+        # What is wider than its view is in the middle of it, unless it says otherwise.
+        ('x="10" width="60" height="40" viewBox="0 0 20 20"', (28, 10), (8, 4)),
+        ('x="10" width="60" height="40" viewBox="0 0 20 20" preserveAspectRatio="xMinYMax"', (18, 10), (8, 4)),
+        ('x="10" width="60" height="40" viewBox="0 0 20 20" preserveAspectRatio="xMaxYMax slice"', (22, -5), (12, 6)),
+        ('x="10" width="60" height="40" viewBox="0 0 20 20" preserveAspectRatio="none"', (22, 10), (12, 4)),
+        # As large as the view that it is in, or a share of that.
+        ('viewBox="0 0 200 160"', (2, 2.5), (2, 1)),
+        ('width="50%" height="50%" viewBox="0 0 200 160"', (1, 1.25), (1, 0.5)),
+        ('x="1" transform="scale(2)"', (10, 10), (8, 4)),
+    ],
+)
+def test_an_svg_in_an_svg_is_where_its_view_puts_it(tmp_path, nested, centre, size):
+    ((found, large),) = boxes(tmp_path, f"<svg {nested}>{BLOCK}</svg>")
+    assert found == pytest.approx(centre)
+    assert large == pytest.approx(size)
+
+
+def test_views_in_views_and_symbols_are_as_large_as_what_refers_to_them(tmp_path):
+    inner = f'<svg x="10" width="40" height="20" viewBox="0 0 20 10"><svg width="50%" viewBox="0 0 20 20">{BLOCK}'
+    assert boxes(tmp_path, f"{inner}</svg></svg>") == [((14, 5), (4, 2))]
+    inner = f'<symbol id="desk" viewBox="0 0 20 20">{BLOCK}</symbol><use href="#desk" x="10" width="40" height="40"/>'
+    assert boxes(tmp_path, f'{inner}<use href="#desk" width="20" height="20"/>') == [
+        ((18, 10), (8, 4)),
+        ((4, 5), (4, 2)),
+    ]
+    # A view of no size shows nothing.
+    assert boxes(tmp_path, f'<svg width="0" viewBox="0 0 9 9">{BLOCK}</svg>{BLOCK}') == [((4, 5), (4, 2))]
+    inner = f'<svg viewBox="0 0 10 10">{BLOCK}</svg>'
+    assert boxes(tmp_path, inner, 'width="20px" height="20"') == [((8, 10), (8, 4))]
+    # A file may leave open how large it is, as those that browsers show do.
+    for root in ('width="100%" height="100%"', 'width="auto"', 'width="100%" viewBox="wide"'):
+        assert boxes(tmp_path, f'<svg x="1" width="50%">{BLOCK}</svg>', root) == [((5, 5), (4, 2))]
+
+
+def test_units_and_percentages_of_svg_are_those_of_browsers(tmp_path):
+    ((centre, size),) = boxes(tmp_path, '<rect x="-5%" width="1in" height="25.4mm"/>', 'viewBox="0 0 100 80"')
+    assert size == pytest.approx((96, 96))
+    assert centre == pytest.approx((43, 48))
+    ((_, size),) = boxes(tmp_path, '<rect width="50%" height="36pt"/>', 'width="2in" height="40"')
+    assert size == pytest.approx((96, 48))
+    (disc,) = read(tmp_path, svg('<circle cx="25%" cy="5" r="10%"/>').replace("100 100", "400 300"), "plan.svg")
+    assert disc.centre == pytest.approx((100, 5))
+    assert disc.radius == pytest.approx(0.1 * math.hypot(400, 300) / math.sqrt(2))
+
+
+@pytest.mark.parametrize(
+    ("root", "nested", "message"),
+    [
+        ("", 'viewBox="0 0 9 9"', "<svg> has a viewBox and is in an svg without one, expected its width and height "
+         "as numbers"),
+        ("", 'viewBox="0 0 9"', "viewBox of <svg> is '0 0 9', expected left, top, width and height"),
+        ("", 'width="9em"', "width of a svg is '9em', expected a number, alone or with one of px, pt, pc, in, cm, mm, "
+         "Q or %; 'scale' says how many metres it is"),
+        ('viewBox="0 0 9 9"', 'viewBox="0 0 9 9" preserveAspectRatio="left"', "preserveAspectRatio of <svg> is "
+         "'left', expected xMidYMid, say"),
+    ],
+)  # fmt: skip
+def test_an_svg_in_an_svg_without_a_place_is_refused(tmp_path, root, nested, message):
+    assert refused(tmp_path, f"<svg {root}><svg {nested}>{BLOCK}</svg></svg>", "plan.svg") == message
 
 
 def test_a_fill_of_none_holds_for_what_is_in_a_group(tmp_path):

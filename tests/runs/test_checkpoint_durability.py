@@ -33,7 +33,7 @@ def test_the_disk_is_waited_for_before_a_checkpoint_has_its_name_and_the_name_af
     os.unlink(tmp_path / NAME)
     write_checkpoint(tmp_path, Checkpoint(5, "a", {}, {}))
     assert waits == [("sync_disk", False), ("sync_folder", True)]
-    assert read_checkpoint(tmp_path).frame == 5
+    assert read_checkpoint(tmp_path, 100, 1_000_000).frame == 5
 
 
 def test_a_disk_that_fails_while_it_is_waited_for_leaves_the_checkpoint_before(
@@ -47,7 +47,7 @@ def test_a_disk_that_fails_while_it_is_waited_for_leaves_the_checkpoint_before(
     monkeypatch.setattr(checkpoint, "sync_disk", fail)
     with pytest.raises(OutputError, match=r"checkpoint\.bin: cannot be written: Input/output error"):
         write_checkpoint(tmp_path, Checkpoint(5, "a", {}, {}))
-    assert read_checkpoint(tmp_path).frame == 4
+    assert read_checkpoint(tmp_path, 100, 1_000_000).frame == 4
     assert [path.name for path in tmp_path.iterdir()] == [NAME]
 
 

@@ -25,7 +25,7 @@ from crowdsim.runs.manifest import (
     signed_manifest,
     signed_text,
 )
-from crowdsim.take import plots
+from crowdsim.take import plots, quality
 
 PICTURE = ("render", "run", "--png", "--size", "32x24", "--frames", "0:1", "--camera", "top")
 COMMANDS = [
@@ -42,9 +42,19 @@ COMMANDS = [
 ]
 
 
+measure, MEASURED = quality.measure_take, list[dict]()
+
+
+def measure_once(*words: object) -> dict:
+    if not MEASURED:
+        MEASURED.append(measure(*words))
+    return dict(MEASURED[0])
+
+
 @pytest.fixture
 def place(workplace: Path, finish: Callable[..., None], monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with a run, and beside it files of the user; plots are written as ever, and empty."""
+    """A folder with a run, and beside it files of the user; plots are empty, and ``inspect`` measures motion once."""
+    monkeypatch.setattr(quality, "measure_take", measure_once)
     for name in ("hit_figure", "distance_figure", "action_figure"):
         monkeypatch.setattr(plots, name, lambda _: new_figure(0.1, 0.1, None))
     write_scene(workplace / "four.yaml")

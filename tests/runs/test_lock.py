@@ -29,7 +29,7 @@ def a_dead_process() -> int:
 
 HERE = this_owner("crowdsim run brawl")
 DEAD = replace(HERE, pid=a_dead_process(), started=1.0)
-AWAY = replace(HERE, host="node17", boot="b17")
+AWAY = replace(HERE, host="node17")
 
 
 def test_a_held_folder_names_its_owner_and_is_free_afterwards(tmp_path: Path) -> None:
@@ -56,8 +56,8 @@ def without_locks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize(
     "owner",
-    [DEAD, replace(HERE, started=1.0), replace(HERE, boot="before")],
-    ids=["a process that was killed", "another process of this number", "before a reboot"],
+    [DEAD, replace(HERE, started=1.0)],
+    ids=["a process that was killed", "another process of this number"],
 )
 @pytest.mark.parametrize("decides", [True, False], ids=["local", "a file system without locks"])
 def test_stale_locks_are_taken_over(tmp_path: Path, monkeypatch, owner: lock.Owner, decides: bool) -> None:

@@ -104,11 +104,11 @@ def same_as_undisturbed(folder: Path, undisturbed: Path) -> None:
 @pytest.mark.parametrize("number", [None, signal.SIGINT])
 @pytest.mark.parametrize("frames", [(0,), (9,), (37,), (8, 17, 40)])
 def test_a_run_that_stopped_goes_on_to_the_same_bytes(
-    workplace: Path, monkeypatch, capsys, frames: tuple[int, ...], number: int | None
+    workplace: Path, finish, monkeypatch, capsys, frames: tuple[int, ...], number: int | None
 ) -> None:
     monkeypatch.setattr(Pace, "is_due", lambda self, size: True)
     write_scene(workplace / "four.yaml", duration=60, outputs=OUTPUTS, groups=GROUPS, events=EVENTS)
-    assert crowdsim("run", "four.yaml", "--out", "undisturbed") == 0
+    finish(workplace, out="undisturbed")
     for frame in frames:
         with monkeypatch.context() as patch:
             stop_at(patch, frame, number)
@@ -146,10 +146,10 @@ def stop_run(monkeypatch: pytest.MonkeyPatch, frame: int = 16) -> None:
 
 @pytest.mark.parametrize("damage", ["flipped bit", "cut off", "no checkpoint", "missing chunk", "a chunk is empty"])
 def test_what_cannot_be_continued_starts_over_to_the_same_bytes(
-    workplace: Path, monkeypatch, capsys, damage: str
+    workplace: Path, finish, monkeypatch, capsys, damage: str
 ) -> None:
     write_scene(workplace / "four.yaml", outputs={"take": {"chunk": 8}})
-    assert crowdsim("run", "four.yaml", "--out", "undisturbed") == 0
+    finish(workplace, out="undisturbed")
     stop_run(monkeypatch)
     stage = workplace / "run" / ".run.partial"
     checkpoint, chunk = stage / "checkpoint.bin", stage / "take.zarr.partial" / "x" / "1.0"
@@ -210,9 +210,9 @@ def test_all_code_that_decides_what_a_run_writes_is_in_its_checksum() -> None:
     assert decided <= packages
 
 
-def test_outputs_go_on_behind_the_last_whole_file(workplace: Path, monkeypatch, capsys) -> None:
+def test_outputs_go_on_behind_the_last_whole_file(workplace: Path, finish, monkeypatch, capsys) -> None:
     write_scene(workplace / "four.yaml", outputs=OUTPUTS)
-    assert crowdsim("run", "four.yaml", "--out", "undisturbed") == 0
+    finish(workplace, out="undisturbed")
     write, written = cloud_files.write_cloud, []
 
     def stop(path: Path, cloud) -> None:
@@ -238,9 +238,11 @@ def test_outputs_go_on_behind_the_last_whole_file(workplace: Path, monkeypatch, 
     same_as_undisturbed(workplace / "run", workplace / "undisturbed")
 
 
-def test_outputs_of_an_unfinished_take_are_not_taken_for_those_of_the_run(workplace: Path, monkeypatch, capsys) -> None:
+def test_outputs_of_an_unfinished_take_are_not_taken_for_those_of_the_run(
+    workplace: Path, finish, monkeypatch, capsys
+) -> None:
     write_scene(workplace / "four.yaml", outputs={"take": {"chunk": 8}, "bvh": {"fps": 30}})
-    assert crowdsim("run", "four.yaml", "--out", "undisturbed") == 0
+    finish(workplace, out="undisturbed")
     monkeypatch.setattr(Pace, "is_due", lambda self, size: True)
     with monkeypatch.context() as patch:
         stop_at(patch, 16, signal.SIGTERM)
@@ -291,7 +293,7 @@ def test_a_checkpoint_reads_back_and_every_flipped_bit_is_found(tmp_path: Path) 
     arrays = {"a": np.arange(3), "b": np.zeros((0, 2), "<f4"), "names": np.array(["x", "yz"])}
     timings = np.arange(42).reshape(7, 6)
     write_checkpoint(tmp_path, Checkpoint(7, "abc", arrays, {"frames": np.array(4)}, timings))
-    result = read_checkpoint(tmp_path)
+    result = read_checkpoint(tmp_path, 100, 1_000_000)
     assert (result.frame, result.origin, frames_done(tmp_path)) == (7, "abc", 7)
     assert {name: (value.dtype, value.tolist()) for name, value in result.simulation.items()} == {
         name: (value.dtype, value.tolist()) for name, value in arrays.items()
@@ -305,4 +307,4 @@ def test_a_checkpoint_reads_back_and_every_flipped_bit_is_found(tmp_path: Path) 
                 whole[:place] + bytes([whole[place] ^ 1 << bit]) + whole[place + 1 :]
             )
             with pytest.raises(TakeError):
-                read_checkpoint(tmp_path)
+                read_checkpoint(tmp_path, 100, 1_000_000)

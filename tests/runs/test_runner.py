@@ -129,9 +129,9 @@ def test_takes_do_not_depend_on_the_order_of_storage_and_python_runs_as_the_comm
     assert plain.x.shape == (40, 4)
 
 
-def test_a_finished_run_is_not_done_again_but_by_force(workplace: Path, capsys) -> None:
+def test_a_finished_run_is_not_done_again_but_by_force(workplace: Path, finish, capsys) -> None:
     write_scene(workplace / "four.yaml")
-    assert crowdsim("run", "four.yaml") == 0
+    finish(workplace, out="output/four")
     manifest = workplace / "output" / "four" / "manifest.json"
     before = manifest.stat().st_mtime_ns
     capsys.readouterr()
@@ -142,9 +142,9 @@ def test_a_finished_run_is_not_done_again_but_by_force(workplace: Path, capsys) 
     assert manifest.stat().st_mtime_ns > before
 
 
-def test_another_run_under_a_name_is_refused_with_the_difference(workplace: Path, capsys) -> None:
+def test_another_run_under_a_name_is_refused_with_the_difference(workplace: Path, finish, capsys) -> None:
     write_scene(workplace / "four.yaml")
-    assert crowdsim("run", "four.yaml") == 0
+    finish(workplace, out="output/four")
     before = tree(workplace / "output" / "four")
     capsys.readouterr()
     assert crowdsim("run", "four.yaml", "--seed", "6", "--set", "duration=50") == 2
@@ -223,9 +223,9 @@ def test_names_alone_do_not_make_a_folder_a_run(workplace: Path, capsys, held: d
     assert sum(path.is_file() for path in (workplace / "mine").rglob("*")) == len(held)
 
 
-def test_force_removes_only_what_the_run_has_written(workplace: Path, capsys) -> None:
+def test_force_removes_only_what_the_run_has_written(workplace: Path, finish, capsys) -> None:
     write_scene(workplace / "four.yaml", outputs=OUTPUTS)
-    assert crowdsim("run", "four.yaml") == 0
+    finish(workplace, out="output/four")
     folder = workplace / "output" / "four"
     mine = ["notes.txt", "bvh/mine.bvh", "frames/000000.png", "video.mp4", ".a.part", "take.part", ".video-1/a.mp4"]
     for name in mine:
@@ -247,10 +247,10 @@ def test_force_removes_only_what_the_run_has_written(workplace: Path, capsys) ->
     [("bvh/red_0.bvh", "bvh/red_0.bvh"), ("take.zarr/mine", "take.zarr/mine"), ("profile.csv/x", "profile.csv")],
 )
 def test_foreign_files_in_a_run_folder_stop_the_run_before_anything_is_removed(
-    workplace: Path, capsys, name: str, found: str
+    workplace: Path, finish, capsys, name: str, found: str
 ) -> None:
     write_scene(workplace / "four.yaml")
-    assert crowdsim("run", "four.yaml") == 0
+    finish(workplace, out="output/four")
     folder = workplace / "output" / "four"
     (folder / name).parent.mkdir(exist_ok=True)
     (folder / name).write_text("mine")
@@ -266,9 +266,9 @@ def test_foreign_files_in_a_run_folder_stop_the_run_before_anything_is_removed(
     assert (folder / "manifest.json").exists()
 
 
-def test_a_run_writes_nothing_through_a_link(workplace: Path, capsys) -> None:
+def test_a_run_writes_nothing_through_a_link(workplace: Path, finish, capsys) -> None:
     write_scene(workplace / "four.yaml")
-    assert crowdsim("run", "four.yaml") == 0
+    finish(workplace, out="output/four")
     (workplace / "elsewhere").mkdir()
     (workplace / "output" / "four" / "bvh").symlink_to(workplace / "elsewhere")
     for words in (("run", "four.yaml", "--force", "--set", "outputs.bvh.fps=30"), ("export", "output/four", "--bvh")):
@@ -279,9 +279,9 @@ def test_a_run_writes_nothing_through_a_link(workplace: Path, capsys) -> None:
     assert crowdsim("verify", "output/four") == 0
 
 
-def test_a_resigned_manifest_removes_and_reads_nothing_outside(workplace: Path, capsys) -> None:
+def test_a_resigned_manifest_removes_and_reads_nothing_outside(workplace: Path, finish, capsys) -> None:
     write_scene(workplace / "four.yaml")
-    assert crowdsim("run", "four.yaml") == 0
+    finish(workplace, out="output/four")
     folder = workplace / "output" / "four"
     (workplace / "victim").write_text("mine")
     result = read_manifest(folder)
@@ -296,9 +296,9 @@ def test_a_resigned_manifest_removes_and_reads_nothing_outside(workplace: Path, 
     assert not (folder / "bvh").exists()
 
 
-def test_a_take_whose_names_lead_elsewhere_is_not_exported(workplace: Path, capsys) -> None:
+def test_a_take_whose_names_lead_elsewhere_is_not_exported(workplace: Path, finish, capsys) -> None:
     write_scene(workplace / "four.yaml")
-    assert crowdsim("run", "four.yaml") == 0
+    finish(workplace, out="output/four")
     import zarr
 
     names = zarr.open_group(str(workplace / "output" / "four" / "take.zarr"), mode="r+")["name"]
@@ -365,9 +365,9 @@ def test_the_plan_of_a_run_names_all_that_it_writes(workplace: Path, monkeypatch
     assert verdict == Verdict()
 
 
-def test_all_that_export_and_render_write_into_a_run_is_verified(workplace: Path, capsys) -> None:
+def test_all_that_export_and_render_write_into_a_run_is_verified(workplace: Path, finish, capsys) -> None:
     write_scene(workplace / "four.yaml")
-    assert crowdsim("run", "four.yaml") == 0
+    finish(workplace, out="output/four")
     folder = workplace / "output" / "four"
     small = ("--size", "64x48", "--frames", "0:4", "--camera", "side")
     assert crowdsim("export", folder, "--bvh", "--frames", "0:9") == 0
@@ -391,9 +391,9 @@ def test_all_that_export_and_render_write_into_a_run_is_verified(workplace: Path
     assert {name.split("/")[0] for name in tree(folder)} == left
 
 
-def test_render_and_export_into_a_run_leave_files_of_others_alone(workplace: Path, capsys) -> None:
+def test_render_and_export_into_a_run_leave_files_of_others_alone(workplace: Path, finish, capsys) -> None:
     write_scene(workplace / "four.yaml")
-    assert crowdsim("run", "four.yaml") == 0
+    finish(workplace, out="output/four")
     folder = workplace / "output" / "four"
     (folder / "bvh").mkdir()
     for name in ("video.mp4", "bvh/blue_1.bvh"):
@@ -409,11 +409,13 @@ def test_render_and_export_into_a_run_leave_files_of_others_alone(workplace: Pat
     assert not [path for path in folder.iterdir() if path.name.startswith(".")]
 
 
-def test_an_interrupted_rendering_is_distinguished_from_foreign_files(workplace: Path, monkeypatch, capsys) -> None:
+def test_an_interrupted_rendering_is_distinguished_from_foreign_files(
+    workplace: Path, finish, monkeypatch, capsys
+) -> None:
     from crowdsim.render import batch
 
     write_scene(workplace / "four.yaml")
-    assert crowdsim("run", "four.yaml") == 0
+    finish(workplace, out="output/four")
     folder = workplace / "output" / "four"
     small = ("--size", "64x48", "--frames", "0:6", "--camera", "side")
     words = ("render", folder, *small, "--png", "--mp4", "--threads", "1")

@@ -7,10 +7,14 @@ from typing import Any
 import numpy as np
 
 from crowdsim.motion import ground
+from crowdsim.motion.body import Body
 from crowdsim.motion.database import MotionDatabase, build_database
 from crowdsim.motion.measuring import measure_clips
 from crowdsim.performer.session import perform
 from crowdsim.policy.rewards import target_body
+from crowdsim.poses.capsules import PosedBodies
+from crowdsim.poses.contacts import body_points
+from crowdsim.poses.outlines import find_surface, striker_radii
 from crowdsim.poses.sampler import PoseSampler
 from crowdsim.take.take import Cast, Events, Take
 
@@ -106,3 +110,13 @@ def _at(motion: MotionDatabase, frame: float) -> np.ndarray:
     part = max(frame - low, 0.0)
     high = min(low + 1, len(motion.ground) - 1)
     return motion.ground[low] * (1 - part) + motion.ground[high] * part
+
+
+def touch_gap(body: Body, poses: Any, limb: int) -> float:
+    """How far the surface of what the first avatar strikes with is from the skin of the second one [m]."""
+    (positions, turns), one = (a[0] for a in poses.joints()), np.ones(1)
+    build = poses.scales[1:], one, np.ones((1, 3))
+    victim = PosedBodies(body, np.arange(1), *build, positions[None, 1:], turns[None, 1:])
+    strikers = body_points(body, positions, turns, poses.scales)[3]
+    radius = striker_radii(body, np.array([limb]), poses.scales[:1], np.zeros(1, bool))
+    return float((find_surface(victim).gaps(strikers[:1, limb])[0] - radius)[0])

@@ -21,20 +21,24 @@ def sampler(workplace: Path) -> PoseSampler:
 
 
 def surface_gaps(points, silhouette):
-    """How far points are from head and torso of a silhouette, negative inside. Shape (2, n)."""
-    axis = silhouette.pelvis - silhouette.neck
-    share = np.clip((points - silhouette.neck) @ axis / (axis @ axis), 0.0, 1.0)[:, None]
-    to_torso = np.linalg.norm(points - silhouette.neck - share * axis, axis=1) - silhouette.torso_radius
-    return np.linalg.norm(points - silhouette.head, axis=1) - silhouette.head_radius, to_torso
+    """How far points are outside of the capsules of a silhouette, negative inside. Shape (n,)."""
+    axes = silhouette.ends - silhouette.starts
+    ways = points[:, None] - silhouette.starts
+    shares = np.clip(np.sum(ways * axes, axis=2) / np.maximum(np.sum(axes * axes, axis=1), 1e-12), 0.0, 1.0)
+    radii = silhouette.radii[:, 0] + shares * (silhouette.radii[:, 1] - silhouette.radii[:, 0])
+    return (np.linalg.norm(ways - shares[..., None] * axes, axis=2) - radii).min(axis=1)
 
 
-def test_hits_lie_on_the_part_of_the_silhouette_that_they_hit(sampler: PoseSampler) -> None:
+def test_hits_lie_on_the_silhouette_and_those_on_the_head_on_its_head(sampler: PoseSampler) -> None:
     silhouette = build_silhouette(sampler.policies[0].database)
     hits = find_hits(sampler, silhouette)
     assert hits.count == len(hits.points) == int(np.count_nonzero(sampler.take.events.landed)) > 3
-    head, torso = surface_gaps(hits.points, silhouette)
-    # In the motion of a small policy a few fists do not reach what they hit.
-    assert np.quantile(np.abs(np.where(hits.on_head, head, torso)), 0.9) < 0.02
+    # Strikes land on skins, which are wider than the capsules of trunks. A few fists do not reach what they hit.
+    assert np.quantile(np.abs(surface_gaps(hits.points, silhouette)), 0.9) < 0.05
+    on_head = hits.points[hits.on_head]
+    far = np.linalg.norm(on_head - silhouette.head, axis=1) - silhouette.head_radius
+    assert len(on_head) > 0
+    assert np.quantile(np.abs(far), 0.9) < 0.02
     assert set(hits.limbs.tolist()) <= {0, 1}
 
 

@@ -7,12 +7,11 @@ from typing import Any
 import kicker
 import numpy as np
 import pytest
-from synthetic_take import NO_EVENTS, build_take, sampler
+from synthetic_take import NO_EVENTS, build_take, sampler, touch_gap
 
 from crowdsim.motion import quaternion
 from crowdsim.motion.database import MotionDatabase, build_database
 from crowdsim.motion.measuring import measure_clips
-from crowdsim.policy.rewards import posed_distance
 from crowdsim.poses.contacts import body_points
 from crowdsim.poses.layers.kicks import _plan_moves
 from crowdsim.take.take import Events, Take
@@ -60,11 +59,7 @@ def duel(kick: int, gap: float, landed: bool = True, scale: float = 1.0) -> tupl
 def test_a_kick_that_lands_touches(kick: int, gap: float, scale: float) -> None:
     take, policy, frame = duel(kick, gap, scale=scale)
     poses = sampler(take, policy).sample(frame, frame + 1, FPS)[0]
-    body = database().body
-    head, neck, pelvis, strikers = body_points(body, *(a[0] for a in poses.joints()), poses.scales)
-    radii = body.head_radius * scale, body.torso_radius * scale
-    limb = int(take.events.limb[0])
-    assert abs(posed_distance(strikers[:1, limb], head[1:], neck[1:], pelvis[1:], *radii)[0]) < 0.02
+    assert abs(touch_gap(database().body, poses, int(take.events.limb[0]))) < 0.02
 
 
 @pytest.mark.parametrize("kick", [0, 1])
@@ -78,7 +73,7 @@ def test_the_other_foot_stays_and_the_kicking_one_is_free_when_it_is_planted(kic
     moved = np.linalg.norm(kicking[0] - calm[0], axis=-1)[:, 0]
     roles, limb = database().body.roles, int(take.events.limb[0])
     mine, other = (roles[f"{side}_foot"] for side in (("left", "right") if limb == 2 else ("right", "left")))
-    assert moved[frame, mine] > 0.05
+    assert moved[frame, mine] > 0.03
     assert moved[:, other].max() < 0.003
     assert moved[: frame - 21].max() == 0.0
     assert moved[frame + 21 :].max() == 0.0
@@ -98,8 +93,8 @@ def test_legs_that_kick_move_without_a_jerk(kick: int, gap: float) -> None:
     change, own, all_in_all = (
         np.linalg.norm(np.diff(path, 2, axis=0), axis=-1).max() * FPS**2 for path in (kicking - calm, calm, kicking)
     )
-    # A foot that goes 8 cm and back in 0.4 s, evenly, accelerates by 18 m/s2; the kick itself by over 150.
-    assert change < 65.0
+    # A foot that goes 12 cm and back in 0.4 s, evenly, accelerates by 27 m/s2; the kick itself by over 150.
+    assert change < 80.0
     assert all_in_all < 1.15 * own
 
 

@@ -47,7 +47,7 @@ class Posed:
         self.direction /= np.linalg.norm(self.direction)
         joints = np.array([[UPPER, MIDDLE, END]] * 2)
         none: Any = None
-        self.limbs = Limbs(PARENTS, offsets, none, none, joints, np.stack([X, X]), none, none, none, none)
+        self.limbs = Limbs(PARENTS, offsets, none, none, none, joints, np.stack([X, X]), none, none, none, none)
 
     def pose(self, rotations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Positions (J, 3) and rotations (J, 4) of the joints in the world."""

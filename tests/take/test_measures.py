@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from crowdsim.motion.strikers import GROUPS, HANDS
 from crowdsim.take import measures
-from crowdsim.take.measures import FightCounter, chunks_of, measure_fights
+from crowdsim.take.measures import FightCounter, FightMeasures, chunks_of, measure_fights
 from crowdsim.take.take import Cast, Events, Take
 
 RATE = 15.0
@@ -72,7 +74,19 @@ def make_take(
         seed=0,
         fingerprints=("",),
         status="done",
+        policies=(striker(HANDS[0], 0.9),),
     )
+
+
+def striker(limb: int, reach: float) -> Any:
+    """What is read of a policy whose strikes reach that far over the ground [m]."""
+    database = SimpleNamespace(strike_positions=np.array([[0.0, 1.5, reach]]), strike_limbs=np.array([limb], np.uint8))
+    return SimpleNamespace(database=database)
+
+
+def measured(take: Take, **more: float) -> FightMeasures:
+    """Return the measures of a take that knows its policies."""
+    return measure_fights(take, take.policies, **more)
 
 
 def pair(distance: Any, frames: int = 600, **more: Any) -> Take:
@@ -86,18 +100,18 @@ def test_positions_are_counted_from_ten_seconds_on_unless_another_time_is_given(
     distance = np.full(600, 2.0)
     distance[: 10 * SECOND] = 1.0
     distance[20 * SECOND : 30 * SECOND] = 1.2
-    result = measure_fights(pair(distance))
+    result = measured(pair(distance))
     assert result.out_of_reach_share == pytest.approx(2 / 3)
     assert result.distance_median == pytest.approx(2.0)
-    assert measure_fights(pair(distance), after=0.0).out_of_reach_share == pytest.approx(0.5)
-    assert measure_fights(pair(distance), after=30.0).out_of_reach_share == 1.0
-    early = measure_fights(pair(1.0, frames=100))
+    assert measured(pair(distance), after=0.0).out_of_reach_share == pytest.approx(0.5)
+    assert measured(pair(distance), after=30.0).out_of_reach_share == 1.0
+    early = measured(pair(1.0, frames=100))
     assert (early.out_of_reach_share, early.turned_away_share, early.distance_median) == (None, None, None)
 
 
 def test_reach_is_in_metres_whatever_the_scale() -> None:
     for distance, share in ((1.49, 0.0), (1.51, 1.0)):
-        assert measure_fights(pair(distance, scales=0.8)).out_of_reach_share == share
+        assert measured(pair(distance, scales=0.8)).out_of_reach_share == share
 
 
 def test_an_avatar_faces_away_when_its_opponent_is_behind_it() -> None:
@@ -105,17 +119,17 @@ def test_an_avatar_faces_away_when_its_opponent_is_behind_it() -> None:
     heading[:, 1] = np.pi
     heading[300:450, 0] = np.radians(91.0)
     heading[450:, 0] = np.radians(89.0)
-    result = measure_fights(pair(2.0, heading=heading))
+    result = measured(pair(2.0, heading=heading))
     assert result.turned_away_share == pytest.approx(150 / 450 / 2)
-    assert measure_fights(pair(2.0, heading=[AWAY, FACING])).turned_away_share == 1.0
-    assert measure_fights(pair(2.0, heading=[2 * np.pi, -np.pi])).turned_away_share == 0.0
+    assert measured(pair(2.0, heading=[AWAY, FACING])).turned_away_share == 1.0
+    assert measured(pair(2.0, heading=[2 * np.pi, -np.pi])).turned_away_share == 0.0
 
 
 @pytest.mark.parametrize(("frames_out", "stuck"), [(150, 0), (151, 2)])
 def test_an_avatar_is_stuck_that_is_out_of_reach_for_more_than_ten_seconds(frames_out: int, stuck: int) -> None:
     distance = np.full(600, 1.0)
     distance[200 : 200 + frames_out] = 1.6
-    result = measure_fights(pair(distance))
+    result = measured(pair(distance))
     assert result.stuck_avatars == stuck
     assert result.stuck_share == stuck / 2
 
@@ -124,39 +138,39 @@ def test_a_moment_in_reach_ends_a_stretch_and_the_first_seconds_do_not_count() -
     distance = np.full(600, 2.0)
     distance[290::100] = 1.0
     distance[:290] = 2.0
-    assert measure_fights(pair(distance)).stuck_avatars == 0
-    assert measure_fights(pair(distance), after=5.0).stuck_avatars == 2
+    assert measured(pair(distance)).stuck_avatars == 0
+    assert measured(pair(distance), after=5.0).stuck_avatars == 2
 
 
 def test_another_opponent_out_of_reach_does_not_end_a_stretch() -> None:
     opponent = np.tile([1, 0, 1], (600, 1))
     opponent[::2, 0] = 2
     take = make_take([[0.0, 2.0, 3.0]], [[0.0] * 3], [0.0] * 3, opponent, 600)
-    result = measure_fights(take)
+    result = measured(take)
     assert result.stuck_avatars == 2
     assert result.stuck_share == pytest.approx(2 / 3)
     assert result.distance_median == pytest.approx(2.0)
 
 
 def test_no_avatar_is_stuck_in_a_take_that_is_too_short() -> None:
-    assert measure_fights(pair(9.0, frames=300)).stuck_avatars is None
-    assert measure_fights(pair(9.0, frames=301)).stuck_avatars == 2
+    assert measured(pair(9.0, frames=300)).stuck_avatars is None
+    assert measured(pair(9.0, frames=301)).stuck_avatars == 2
 
 
 def test_strikes_are_counted_per_avatar_and_minute() -> None:
     events = strikes((90.0, 0, 1, False), (97.5, 0, 1, True), (300.0, 1, 0, False), (400.5, 0, 1, True))
-    result = measure_fights(pair(1.0, frames=450, events=events))
+    result = measured(pair(1.0, frames=450, events=events))
     assert result.first_landed_seconds == pytest.approx(6.5)
     assert result.thrown_per_minute == pytest.approx(4.0)
     assert result.landed_per_minute == pytest.approx(2.0)
     assert result.least_landed_per_minute == 0.0
     assert result.landed_share == 0.5
     both = strikes((90.0, 0, 1, True), (97.5, 1, 0, True), (300.0, 1, 0, True))
-    assert measure_fights(pair(1.0, frames=450, events=both)).least_landed_per_minute == pytest.approx(2.0)
+    assert measured(pair(1.0, frames=450, events=both)).least_landed_per_minute == pytest.approx(2.0)
 
 
 def test_a_fight_without_strikes_has_no_shares_of_them() -> None:
-    result = measure_fights(pair(1.0))
+    result = measured(pair(1.0))
     assert (result.first_landed_seconds, result.landed_share, result.air_share) == (None, None, None)
     assert (result.thrown_per_minute, result.least_landed_per_minute) == (0.0, 0.0)
 
@@ -170,7 +184,7 @@ def test_avatars_that_are_absent_do_not_count() -> None:
     # The one who is there alone looks for somebody who is not.
     take.opponent[:450, 0] = 1
     take.heading[:450, 0] = AWAY
-    result = measure_fights(take)
+    result = measured(take)
     assert result.turned_away_share == 0.0
     assert result.out_of_reach_share == 1.0
     assert result.distance_median == pytest.approx(2.0)
@@ -179,7 +193,7 @@ def test_avatars_that_are_absent_do_not_count() -> None:
 
 
 def test_without_opponents_nothing_is_measured() -> None:
-    result = measure_fights(make_take([[0.0]], [[0.0]], [0.0], [-1], 600, events=strikes((9.0, 0, -1, False))))
+    result = measured(make_take([[0.0]], [[0.0]], [0.0], [-1], 600, events=strikes((9.0, 0, -1, False))))
     assert result.thrown_per_minute == pytest.approx(1.5)
     for key in ("out_of_reach_share", "stuck_avatars", "air_share", "turned_away_share", "distance_median"):
         assert getattr(result, key) is None
@@ -188,7 +202,18 @@ def test_without_opponents_nothing_is_measured() -> None:
 def test_a_strike_at_the_air_is_thrown_from_too_far_away() -> None:
     for distance, share in ((1.5, 1.0), (1.39, 0.0)):
         take = pair(distance, events=strikes((20.0, 0, 1, False), (0.0, 1, 0, False)))
-        assert measure_fights(take).air_share == share
+        assert measured(take).air_share == share
+
+
+def test_strikes_of_what_reaches_farther_than_hands_are_thrown_at_the_air_from_as_much_farther_away() -> None:
+    stick = GROUPS["props"][1]
+    for limb, reach, distance, share in (
+        (stick, 1.5, 1.89, 0.0), (stick, 1.5, 1.91, 1.0), (stick, 0.8, 1.41, 1.0), (stick, 0.8, 1.39, 0.0),
+        (HANDS[0], 1.5, 1.41, 1.0),
+    ):  # fmt: skip
+        events = replace(strikes((20.0, 0, 1, False)), limb=np.array([stick], np.uint8))
+        take = replace(pair(distance, events=events), policies=(striker(limb, reach),))
+        assert measured(take).air_share == share
 
 
 def test_the_distance_of_a_strike_is_that_between_two_frames() -> None:
@@ -196,7 +221,7 @@ def test_the_distance_of_a_strike_is_that_between_two_frames() -> None:
     distance[100:] = 2.0
     # 1.4 m are passed at 99.4.
     take = pair(distance, events=strikes(*((99.0 + part, 0, 1, False) for part in (0.0, 0.35, 0.45, 0.9, 1.0))))
-    assert measure_fights(take).air_share == pytest.approx(3 / 5)
+    assert measured(take).air_share == pytest.approx(3 / 5)
 
 
 def test_scripted_targets_are_opponents_where_they_are_then() -> None:
@@ -205,7 +230,7 @@ def test_scripted_targets_are_opponents_where_they_are_then() -> None:
     targets[:, 1, 2] = np.where(np.arange(600) < 300, 1.0, -2.0)
     events = strikes((10.0, 0, -3, True), (299.5, 0, -3, False), (400.0, 0, -3, False), (401.0, 0, -2, False))
     take = make_take([[0.0]], [[0.0]], [FACING], [-3], 600, events, targets=targets)
-    result = measure_fights(take)
+    result = measured(take)
     assert result.out_of_reach_share == result.turned_away_share == pytest.approx(300 / 450)
     assert result.distance_median == pytest.approx(2.0)
     assert result.stuck_avatars == 1
@@ -215,8 +240,8 @@ def test_scripted_targets_are_opponents_where_they_are_then() -> None:
 
 def test_bodies_overlap_by_their_size() -> None:
     for scale, share in ((1.0, 0.0), (1.1, 1.0)):
-        assert measure_fights(pair(0.41, scales=scale)).overlap_share == share
-    assert measure_fights(make_take([[0.0]], [[0.0]], [0.0], [-1], 600)).overlap_share == 0.0
+        assert measured(pair(0.41, scales=scale)).overlap_share == share
+    assert measured(make_take([[0.0]], [[0.0]], [0.0], [-1], 600)).overlap_share == 0.0
 
 
 def random_take(seed: int) -> Take:
@@ -274,20 +299,20 @@ def naive_shares(take: Take, after: float) -> tuple[float, float, float, float, 
 @pytest.mark.parametrize("seed", range(4))
 def test_measures_match_naive_ones_whatever_the_chunks(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     take = random_take(seed)
-    result = measure_fights(take, after=3.0)
+    result = measured(take, after=3.0)
     keys = ("out_of_reach_share", "turned_away_share", "distance_median", "air_share", "stuck_avatars")
     np.testing.assert_allclose([getattr(result, key) for key in keys], naive_shares(take, 3.0), rtol=1e-5)
     for read, block in ((6, 6), (100, 18), (1300, 7), (3000, 10_000)):
         monkeypatch.setattr(measures, "_READ_AVATAR_FRAMES", read)
         monkeypatch.setattr(measures, "_BLOCK_AVATAR_FRAMES", block)
-        assert measure_fights(take, after=3.0) == result
+        assert measured(take, after=3.0) == result
 
 
 def test_large_crowds_are_sampled_evenly(monkeypatch: pytest.MonkeyPatch) -> None:
     take = random_take(9)
-    exact = asdict(measure_fights(take))
+    exact = asdict(measured(take))
     monkeypatch.setattr(measures, "_SAMPLED_AVATAR_FRAMES", 600)
-    counter = FightCounter(take.cast.scales, RATE, take.frame_count)
+    counter = FightCounter(take.cast, take.policies, RATE, take.frame_count)
     for chunk in chunks_of(take):
         counter.add(chunk)
     sampled = asdict(counter.finish())

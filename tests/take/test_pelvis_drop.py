@@ -48,3 +48,14 @@ def test_rows_of_some_avatars_of_a_long_take_are_those_of_a_short_one(monkeypatc
     some = lowering(sampler(take, policy))
     for low, high in ((7, 19), (30, 33), (0, 4), (70, take.frame_count)):
         np.testing.assert_array_equal(some.rows(low, high, np.array([0, 2])), whole[low:high][:, [0, 2]])
+
+
+def test_pelvises_at_times_of_their_own_go_down_as_each_alone() -> None:
+    """Where a take begins, between control frames, and beyond its end; one avatar is there twice."""
+    take, policy = short_legs()
+    avatars, times = np.array([0, 2, 2, 7, 9]), np.array([0.0, 1.31, 3.47, take.seconds, take.seconds + 0.3])
+    together, alone = sampler(take, policy).poser, sampler(take, policy).poser
+    [(which, _, _, positions, _)] = together.joints(avatars, times, "feet", 1)
+    for row, at in enumerate(which):
+        [(_, _, _, expected, _)] = alone.joints(avatars[[at]], times[[at]], "feet", 1)
+        np.testing.assert_array_equal(positions[row], expected[0])

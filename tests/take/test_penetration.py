@@ -8,8 +8,9 @@ import pytest
 from take.synthetic_take import actions, build_take, database, sampler
 
 from crowdsim.poses.kernels.capsules import Capsules
+from crowdsim.take import penetration, quality
 from crowdsim.take.kernels.penetration import find_penetrations
-from crowdsim.take.penetration import measure_penetration
+from crowdsim.take.penetration import Penetration, measure_penetration
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -50,3 +51,25 @@ def test_one_avatar_penetrates_nobody() -> None:
     first, lengths = actions(30)
     take, policy = build_take([list(range(30))], first, lengths, 20)
     assert measure_penetration(sampler(take, policy)).penetration_share is None
+
+
+def test_a_run_that_is_too_long_is_measured_on_the_poses_that_its_feet_are_measured_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    first, lengths = actions(60)
+    queues = [list(range(30)), list(range(30))]
+    take, policy = build_take(queues, first, lengths, 90, start=[(0.0, 0.0, 0.0)] * 2)
+    events = replace(take.events, outcome=np.zeros(0, np.int64), victim=np.zeros(0, np.int64), down=np.zeros(0, bool))
+    posed, both = sampler(replace(take, collision_avoidance=False, events=events), policy), []
+    monkeypatch.setattr(quality, "_MOST_POSES", 120)
+    monkeypatch.setattr(quality, "_STRETCH", 30)
+    monkeypatch.setattr(quality, "measure_penetration", lambda *_: both.append("apart") or Penetration(*[None] * 4))
+    assert quality.measure_take(posed)["penetration_share"] is None
+    assert both == ["apart"]
+    monkeypatch.setattr(penetration, "_MOST_POSES", 120)
+    stages: set[str] = set()
+    figures = quality.measure_take(posed, lambda stage, *_: stages.add(stage))
+    assert figures["penetration_share"] == figures["penetration_share_with_arms"] == 1.0
+    assert figures["penetrations_per_minute"] is None
+    assert both == ["apart"]
+    assert stages == {"poses"}

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic_take import NO_EVENTS, actions, build_take, database, sampler
+from synthetic_take import NO_EVENTS, actions, build_take, database, sampler, touch_gap
 
 from crowdsim.errors import TakeError
 from crowdsim.motion import ground, quaternion
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.motion.limbs import flexion
-from crowdsim.poses.contacts import body_points, surface_point
+from crowdsim.poses.contacts import body_points
 from crowdsim.poses.kernels.reactions import LENGTH, ROUNDS
 from crowdsim.poses.kernels.records import Moments
 from crowdsim.poses.kernels.steps import STEP
@@ -333,12 +333,7 @@ def duel(gap: float, landed: bool = True) -> tuple[Take, Any, int]:
 def test_a_strike_that_lands_touches(gap: float) -> None:
     take, policy, frame = duel(gap)
     poses = sampler(take, policy).sample(frame, frame + 1, 60)[0]
-    body = database().body
-    head, neck, pelvis, fists = body_points(body, *(a[0] for a in poses.joints()), poses.scales)
-    hand = int(take.events.hand[0])
-    radii = np.array([body.head_radius]), np.array([body.torso_radius])
-    touched = surface_point(fists[:1, hand], head[1:], neck[1:], pelvis[1:], *radii)
-    assert np.linalg.norm(touched - fists[0, hand]) < 0.02
+    assert abs(touch_gap(database().body, poses, int(take.events.hand[0]))) < 0.01
 
 
 def test_the_wrist_keeps_its_rotation_when_a_strike_lands() -> None:

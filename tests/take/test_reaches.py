@@ -63,12 +63,10 @@ def shown(limb: int, shift: np.ndarray, time: float, monkeypatch) -> tuple[np.nd
         CLIP.rotations[None, FRAME : FRAME + 1].astype(np.float32),
     )
     before = point_of(limb, pose)
-    thick = max(float(BODY.strikers[limb]["radius"]) - 0.06, 0.0)
 
-    def surfaces(take, near, points, origins, *_, **__):
-        back = origins - (points + shift)
-        # What the layer leaves for the radius comes on top.
-        return points + shift - thick * back / np.linalg.norm(back)
+    def surfaces(take, near, points, origins, radii, *_, **__):
+        np.testing.assert_allclose(radii, BODY.strikers[limb]["radius"])
+        return points + shift
 
     monkeypatch.setattr(reaches, "find_surfaces", surfaces)
     turns = plan_reaches(None, landed(limb), np.zeros(1, int), 1, pose_at, pose_at, Motion)

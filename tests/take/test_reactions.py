@@ -1,6 +1,7 @@
 """How far landed strikes throw back those whom they hit."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -116,9 +117,14 @@ def test_gains_tell_how_far_a_small_blow_brings_the_head_or_the_neck() -> None:
         assert np.linalg.norm(points[1] - points[0]) == pytest.approx(0.1 * trunk.gains[part], rel=0.05)
 
 
-def hit(gap: float, speed: float, blocked: bool = False) -> tuple[np.ndarray, np.ndarray, int]:
-    """Joints of a victim, and what they are without the blow, over frames; and the frame of the blow."""
+def hit(gap: float, speed: float, blocked: bool = False, typical: float = 6.2) -> tuple[np.ndarray, np.ndarray, int]:
+    """Joints of a victim, and what they are without the blow, over frames; and the frame of the blow.
+
+    Typical strikes of the policy are as fast as ``typical`` [m/s].
+    """
     take, policy, frame = duel(gap)
+    speeds = np.full(len(policy.database.strike_speeds), typical, np.float32)
+    policy = SimpleNamespace(**{**vars(policy), "database": replace(policy.database, strike_speeds=speeds)})
     events = replace(take.events, speed=np.full(len(take.events.frame), speed, np.float32))
     if blocked:
         outcome = np.full(len(events.frame), BLOCKED, np.uint8)
@@ -143,6 +149,14 @@ def test_reactions_grow_with_the_speed_of_a_blow_and_begin_with_it() -> None:
         far.append(apart[frame:].max())
     assert far[0] < far[1] < far[2]
     assert far[2] > 1.5 * far[0]
+
+
+def test_blows_of_a_policy_that_strikes_faster_push_as_far_at_a_higher_speed() -> None:
+    slow, without, _ = hit(0.0, 6.0, typical=5.0)
+    fast, _, _ = hit(0.0, 9.0, typical=7.5)
+    same, _, _ = hit(0.0, 6.0, typical=7.5)
+    np.testing.assert_allclose(fast, slow, atol=1e-6)
+    assert np.abs(same - without).max() < 0.8 * np.abs(slow - without).max()
 
 
 def test_feet_stay_where_a_blow_pushes_the_pelvis() -> None:

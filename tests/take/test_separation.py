@@ -13,7 +13,7 @@ from crowdsim.core.segments import nearest_on_segments
 from crowdsim.motion import quaternion
 from crowdsim.poses.kernels import separation
 from crowdsim.poses.kernels.body_points import place_points
-from crowdsim.poses.kernels.separation import find_touching, push_trunks
+from crowdsim.poses.kernels.separation import AROUND, find_touching, push_trunks
 from crowdsim.poses.layers.deflection import Deflection
 from crowdsim.poses.layers.separation import trunk_points
 
@@ -60,7 +60,7 @@ def test_pushes_match_naive(seed: int) -> None:
     points, radii = crowd(seed)
     order = np.argsort(points[:, :, 2, 0], axis=1)
     found = np.full((*points.shape[:2], 2), np.inf)
-    push_trunks(0, len(points), points, radii, order, np.arange(len(points)), found)
+    push_trunks(0, len(points), points, radii, order, np.arange(len(points)), AROUND, found)
     rules = separation._ROOM, separation._SOFT, separation._MOST, separation._LEFT, separation.AROUND, separation._STEEP
     for time in range(len(points)):
         expected = naive.pushes(points, time, radii, *rules, separation._FAR, separation._ROUNDS)
@@ -78,7 +78,7 @@ def test_bodies_that_touch_are_those_that_are_pushed(seed: int) -> None:
     ever = np.zeros(points.shape[1], bool)
     find_touching(0, len(points), points, radii, order, ever)
     np.testing.assert_array_equal(ever, touching.any(axis=0))
-    push_trunks(0, len(points), points, radii, order, np.arange(len(points)), found)
+    push_trunks(0, len(points), points, radii, order, np.arange(len(points)), AROUND, found)
     np.testing.assert_array_equal(touching, (found != 0.0).any(axis=-1))
     assert 0.1 < touching.mean() < 0.9
 
@@ -118,7 +118,9 @@ def upright(middles: np.ndarray) -> np.ndarray:
 def push_two(points: np.ndarray, found: np.ndarray) -> None:
     """Push two bodies out of one another at all times."""
     times = np.arange(len(points))
-    push_trunks(0, len(points), points, np.tile(RADII, (2, 1, 1)), np.tile([0, 1], (len(points), 1)), times, found)
+    push_trunks(
+        0, len(points), points, np.tile(RADII, (2, 1, 1)), np.tile([0, 1], (len(points), 1)), times, AROUND, found
+    )
 
 
 @pytest.mark.parametrize("beside", [0.03, 0.12, -0.12, 0.0])
@@ -129,7 +131,14 @@ def test_who_walks_through_another_one_goes_around_it_on_one_side(beside: float)
     points = upright(np.stack([one, -one], axis=1) * 0.5)
     found = np.empty((13, 2, 2))
     push_trunks(
-        0, len(points), points, np.tile(RADII, (2, 1, 1)), np.tile([0, 1], (13, 1)), np.arange(len(points)), found
+        0,
+        len(points),
+        points,
+        np.tile(RADII, (2, 1, 1)),
+        np.tile([0, 1], (13, 1)),
+        np.arange(len(points)),
+        AROUND,
+        found,
     )
     np.testing.assert_allclose(found[:, 0], -found[:, 1], atol=1e-12)
     aside = found[:, 0, 0] * (np.sign(beside) or 1.0)
@@ -147,7 +156,14 @@ def test_who_halts_in_another_one_is_pushed_back() -> None:
     points = upright(np.stack([one, -one], axis=1) * 0.5)
     found = np.empty((20, 2, 2))
     push_trunks(
-        0, len(points), points, np.tile(RADII, (2, 1, 1)), np.tile([0, 1], (20, 1)), np.arange(len(points)), found
+        0,
+        len(points),
+        points,
+        np.tile(RADII, (2, 1, 1)),
+        np.tile([0, 1], (20, 1)),
+        np.arange(len(points)),
+        AROUND,
+        found,
     )
     np.testing.assert_allclose(found[:, 0, 0], 0.0, atol=1e-9)
     assert found[-1, 0, 1] == pytest.approx(0.055, abs=0.01)
@@ -167,7 +183,7 @@ def test_thighs_that_cross_push_bodies_apart_and_those_that_touch_do_not() -> No
     for apart in (0.0, 0.08):
         points = np.stack([own, np.add(other, [apart, 0.0, 0.0])])[None]
         found = np.empty((1, 2, 2))
-        push_trunks(0, len(points), points, radii, order, np.arange(len(points)), found)
+        push_trunks(0, len(points), points, radii, order, np.arange(len(points)), AROUND, found)
         pushes.append(found[0])
     np.testing.assert_allclose(pushes[0][0], -pushes[0][1])
     assert pushes[0][1, 0] > 0.02

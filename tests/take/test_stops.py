@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 from take.synthetic_take import database, sampler
 from take.test_poses import duel
 
-from crowdsim.policy.rewards import posed_distance
+from crowdsim.poses.capsules import PosedBodies
 from crowdsim.poses.contacts import body_points
 from crowdsim.poses.kernels import fists
 from crowdsim.poses.kernels.fists import _ROUND, MOTION, _stop_point
 from crowdsim.poses.layers import fists as layer
+from crowdsim.poses.outlines import find_surface
 
 WRIST = 0.03
 """How much further off wrists have to stay than fists [m]."""
@@ -82,7 +83,7 @@ def test_a_wrist_stays_as_much_further_off_as_its_capsule_says() -> None:
 
 
 def deepest(monkeypatch: pytest.MonkeyPatch, stops: bool, gap: float) -> float:
-    """How deep the striking fist is in head and torso of the other around the strike [m]."""
+    """How deep the middle of the striking fist is in the skin of the other around the strike [m]."""
     if not stops:
         found = layer.find_stops
         monkeypatch.setattr(layer, "find_stops", lambda *given: np.full_like(found(*given), np.nan))
@@ -91,11 +92,12 @@ def deepest(monkeypatch: pytest.MonkeyPatch, stops: bool, gap: float) -> float:
     take = replace(take, collision_avoidance=False)
     poses = sampler(take, policy).sample(frame - 6, frame + 7, 60)[0]
     positions, turns = poses.joints()
+    build = poses.scales[1:], take.cast.girths[1:], take.cast.stretches[1:]
     depths = []
     for at in range(len(positions)):
-        head, neck, pelvis, strikers = body_points(body, positions[at], turns[at], poses.scales)
-        radii = np.array([body.head_radius]), np.array([body.torso_radius])
-        depths.append(-float(posed_distance(strikers[:1, hand], head[1:], neck[1:], pelvis[1:], *radii)[0]))
+        fist = body_points(body, positions[at], turns[at], poses.scales)[3][:1, hand]
+        other = PosedBodies(body, np.arange(1), *build, positions[at : at + 1, 1:], turns[at : at + 1, 1:])
+        depths.append(-float(find_surface(other).gaps(fist)[0][0]))
     return max(depths)
 
 
@@ -103,7 +105,7 @@ def test_fists_go_no_deeper_before_and_after_a_strike(monkeypatch: pytest.Monkey
     through = deepest(monkeypatch, False, -0.15)
     monkeypatch.undo()
     stopped = deepest(monkeypatch, True, -0.15)
-    assert stopped < through - 0.04
+    assert stopped < through - 0.03
 
 
 def test_times_over_which_fists_stop_are_within_those_that_bodies_are_read_for() -> None:

@@ -127,7 +127,7 @@ def test_few_ways_to_strikes_make_strikes_worth_more(project):
     ):
         recipe = written(project, scarce)
         fight = recipe.behaviours["fight"]
-        assert [term.weight for term in fight.rewards] == [60.0, 7.0, 0.6, 5.0, 4.0]
+        assert [term.weight for term in fight.rewards] == [80.0, 7.0, 0.6, 5.0, 4.0]
         assert (fight.rewards[-1].each, fight.discount, fight.finer) == (1.2, 0.98, 2)
         assert (recipe.prune.transitions, recipe.prune.landing) == (16, 0.07)
         assert recipe.behaviours["punch"] == usual.behaviours["punch"]

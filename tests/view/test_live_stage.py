@@ -12,6 +12,7 @@ import struct
 import subprocess
 import sys
 import threading
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -622,16 +623,21 @@ def test_folders_that_are_taken_get_a_number(tmp_path) -> None:
     assert free_folder(tmp_path / "run") == tmp_path / "run_3"
 
 
+def begin_to_play(workplace: Path, program: str) -> subprocess.Popen[str]:
+    """Play ``four.yaml`` in a process of its own, which runs a program of Python."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-c", program, "play", "four.yaml", "--no-open"]
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, cwd=workplace
+    )
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_what_was_played_is_kept_after_ctrl_c(workplace) -> None:
     from websockets.sync.client import connect as open_socket
 
     write_scene(workplace / "four.yaml")
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    command = [sys.executable, "-c", "from crowdsim.cli import main; main()", "play", "four.yaml", "--no-open"]
-    process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, cwd=workplace
-    )
+    process = begin_to_play(workplace, "from crowdsim.cli import main; main()")
     try:
         address = process.stdout.readline().strip()
         with open_socket(f"{address.replace('http', 'ws', 1)}live", open_timeout=120) as peer:
@@ -650,3 +656,37 @@ def test_what_was_played_is_kept_after_ctrl_c(workplace) -> None:
     run = library.open_run(workplace / "again")
     assert run.action[0, 3] >= 0
     assert run.action[-1, 3] == -1
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_ctrl_c_during_a_long_step_keeps_what_was_played_without_a_traceback(workplace) -> None:
+    from websockets.exceptions import ConnectionClosed
+    from websockets.sync.client import connect as open_socket
+
+    write_scene(workplace / "four.yaml")
+    slow = (
+        "import time; from crowdsim.cli import main; from crowdsim.view.stage import Stage; advance = Stage.advance\n"
+        "def long(stage):\n  advance(stage)\n  time.sleep(600 if stage.played.frame > 20 else 0)\n"
+        "Stage.advance = long; main()"
+    )
+    process = begin_to_play(workplace, slow)
+    try:
+        address = process.stdout.readline().strip()
+        with open_socket(f"{address.replace('http', 'ws', 1)}live", open_timeout=120) as peer:
+            peer.send('{"do": "remove", "avatar": 3}')
+            while not (isinstance(message := peer.recv(60), bytes) and unpack(message)[0]["now"] == 20):
+                pass
+            # The step has the lock, for which this waits.
+            peer.send('{"do": "remove", "avatar": 2}')
+            process.send_signal(signal.SIGINT)
+            with suppress(ConnectionClosed):
+                for _ in peer:
+                    pass
+        _, said = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert "Traceback" not in said
+    assert "ERROR" not in said
+    kept = re.search(r"what was played is kept: crowdsim run (\S+) repeats it", said)[1]
+    assert crowdsim("validate", kept, "-q") == 0

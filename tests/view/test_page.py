@@ -10,7 +10,7 @@ from naive_view import embedded
 from scenes import crowdsim, write_scene
 
 import crowdsim as library
-from crowdsim.view.page import GENERATOR, Page, page_head
+from crowdsim.view.page import GENERATOR, Page, is_page, page_head
 
 HOSTILE = "</script><script>document.title='owned'</script>"
 
@@ -87,6 +87,12 @@ def test_options_that_have_no_effect_are_refused(run, capsys) -> None:
     assert crowdsim("view", run, "--force") == 2
     assert capsys.readouterr().err == "--force has no effect without --html\n"
     assert not page.exists()
+
+
+def test_a_page_is_written_also_where_no_browser_is_to_be_opened(run) -> None:
+    page = run.parent / "page.html"
+    assert crowdsim("view", run, "--html", page, "--no-open", "--frames", ":5", "-q") == 0
+    assert is_page(page)
 
 
 def test_what_is_no_run_is_refused(workplace, capsys) -> None:

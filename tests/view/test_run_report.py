@@ -306,7 +306,7 @@ def figures(**changes):
         ({"first_landed_seconds": 2.0}, (True, "The first strike lands after 2.0 s")),
         ({"first_landed_seconds": 9.0}, (False, "The first strike lands after 9.0 s; at most 8.0 s looks right")),
         ({"first_landed_seconds": 1.0, "air_share": 0.2},
-         (False, "20.0 % of strikes are thrown at opponents further away than 1.4 m; at most 5.0 % looks right")),
+         (False, "20.0 % of strikes are thrown at opponents beyond their reach; at most 5.0 % looks right")),
         ({"first_landed_seconds": 1.0, "stuck_share": 0.0},
          (True, "No avatar stays out of reach of its opponent for more than 10 s")),
         ({"first_landed_seconds": 1.0, "foot_slide_median": 0.04, "foot_slide_median_captured": 0.02},

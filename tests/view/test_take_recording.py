@@ -144,13 +144,16 @@ def test_shorts_are_those_of_pictures(workplace) -> None:
 
 
 def test_bodies_are_of_the_sex_and_with_the_hands_of_their_types(run) -> None:
-    skin, glove = PARTS.index("skin"), PARTS.index("glove")
+    skin, glove, shirt = (PARTS.index(part) for part in ("skin", "glove", "shirt"))
     usual = unpack_scene(run.recording().scene())
     other = unpack_scene(replace(run, cast=replace(run.cast, bodies=(("female", "bare"),))).recording().scene())
-    gloves, bare = (one["tables"]["paint"].reshape(-1, 7, 4) for one in (usual, other))
+    gloves, bare = (one["tables"]["paint"].reshape(-1, 8, 4) for one in (usual, other))
     assert (gloves[:, glove] != gloves[:, skin]).any(axis=-1).all()
     np.testing.assert_array_equal(bare[:, glove], gloves[:, skin])
-    np.testing.assert_array_equal(np.delete(bare, glove, axis=1), np.delete(gloves, glove, axis=1))
+    # Women wear tops, men have bare chests.
+    np.testing.assert_array_equal(gloves[:, shirt], gloves[:, skin])
+    np.testing.assert_array_equal(bare[:, shirt, :3], gloves[:, glove, :3])
+    np.testing.assert_array_equal(np.delete(bare, [glove, shirt], axis=1), np.delete(gloves, [glove, shirt], axis=1))
     ends = [np.diff(one["figures"][0]["skins"][0]["ends"], prepend=0) for one in (usual, other)]
     for part, there in (("top", [0, 1]), ("gloves", [1, 0]), ("skin", [1, 1])):
         assert [int(count[SKIN_PARTS.index(part)] > 0) for count in ends] == there

@@ -50,19 +50,25 @@ class Channels:
             return _displaced(reading, joints, sample[:, bones], offsets[bones])
         roots = np.linalg.norm(np.median(sample, axis=0) - offsets, axis=-1)[bones] / lengths[bones]
         between = _from_parents(bvh, joints, bvh.motion[rows])
-        if between is None or weights[roots > 0.5].sum() < _MOST:
+        if between is None:
             return None
+        # Children of the root tell places against the root, which are against their parent already, from those in the
+        # world.
+        first = np.array([bvh.parents[bvh.parents[joint]] < 0 for joint in joints])[bones]
         ratio = np.median(np.linalg.norm(between, axis=-1), axis=0)[bones] / lengths[bones]
-        if weights[np.abs(ratio - 1.0) < 0.15].sum() < _MOST:
+        placed = (roots > 0.5) & (np.abs(ratio - 1.0) < 0.15)
+        if first.all() or weights[placed & ~first].sum() < _MOST * weights[~first].sum():
             return None
+        from_root = bool(np.median(np.abs(middle[first] - 1.0)) < np.median(np.abs(ratio[first] - 1.0)))
         still = float(np.abs(bvh.motion[:, rotation_columns(bvh)]).max(initial=0.0)) < 1e-6
         return Diagnosis(
             self.name,
-            f"the positions of {len(joints)} joints are places in the world, not in their parents' frames",
+            f"the positions of {len(joints)} joints are places {'against the root' if from_root else 'in the world'}, "
+            "not in their parents' frames",
             0.98,
             "repair",
             "differences to the parents are taken" if still else "their offsets are taken",
-            lambda: replace(reading, bvh=_local(bvh, joints) if still else _with_offsets(bvh, joints)),
+            lambda: replace(reading, bvh=_local(bvh, joints, from_root) if still else _with_offsets(bvh, joints)),
         )
 
 
@@ -94,14 +100,15 @@ def _displaced(reading: Reading, joints: list[int], sample: Array, offsets: Arra
     )
 
 
-def _from_parents(bvh: Bvh, joints: list[int], rows: Array) -> Array | None:
-    """Positions of joints minus those of their parents; None where a parent has none."""
+def _from_parents(bvh: Bvh, joints: list[int], rows: Array, from_root: bool = False) -> Array | None:
+    """Positions of joints minus those of their parents, or of all parents but roots; None where a parent has none."""
     parts = []
     for joint in joints:
-        own, parents = position_columns(bvh, joint), position_columns(bvh, int(bvh.parents[joint]))
+        parent = int(bvh.parents[joint])
+        own, parents = position_columns(bvh, joint), position_columns(bvh, parent)
         if (parents < 0).any():
             return None
-        parts.append(rows[:, own] - rows[:, parents])
+        parts.append(rows[:, own] - (0.0 if from_root and bvh.parents[parent] < 0 else rows[:, parents]))
     return np.stack(parts, axis=1)
 
 
@@ -120,8 +127,8 @@ def _with_offsets(bvh: Bvh, joints: list[int]) -> Bvh:
     return replace(bvh, motion=motion)
 
 
-def _local(bvh: Bvh, joints: list[int]) -> Bvh:
-    between = _from_parents(bvh, joints, bvh.motion)
+def _local(bvh: Bvh, joints: list[int], from_root: bool) -> Bvh:
+    between = _from_parents(bvh, joints, bvh.motion, from_root)
     assert between is not None
     motion = bvh.motion.copy()
     for index, joint in enumerate(joints):

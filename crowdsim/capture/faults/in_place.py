@@ -22,7 +22,7 @@ _WIDTH = 0.05
 
 
 class InPlace:
-    """Feet that slide under a root that does not travel, or not along one axis."""
+    """Feet that slide under a root that does not travel, or not along one axis, be it the one that is up."""
 
     name = "in_place"
 
@@ -43,12 +43,14 @@ class InPlace:
         # A body that moves never keeps its root over one point to the last digit.
         root = evidence.at("pelvis")
         fixed = [
-            axis for axis in (0, 2) if np.ptp(root[:, axis]) < _EXACT and np.sqrt(np.mean(push[:, axis] ** 2)) > _ALIVE
+            axis
+            for axis in range(3)
+            if np.ptp(root[:, axis]) < _EXACT and np.sqrt(np.mean(push[:, axis] ** 2)) > _ALIVE
         ]
         if (slip < _SLIDES or not axes) and not fixed:
             return None
         axes = sorted({*axes, *fixed})
-        along = "" if len(axes) == 2 else f" along {'xyz'[axes[0]]}"
+        along = "" if len(axes) == 3 or axes == [0, 2] else f" along {' and '.join('xyz'[axis] for axis in axes)}"
         return Diagnosis(
             self.name,
             f"the body moves in place: its feet slide at {slip:.2f} m/s and the root does not travel{along}",

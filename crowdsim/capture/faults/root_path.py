@@ -28,6 +28,15 @@ _APART = 4.5
 _UNLIKE, _SURELY, _STANDS = 1.6, 0.85, 0.7
 """... or, where the root follows the feet closely, one from which on they may not be, if feet then slide less by so
 much."""
+_PLAINLY = 0.6
+"""How much less feet slide, at the most, with a root whose path is longer or shorter by what no unit explains."""
+_LATE, _SOON, _LATER = 0.5, 0.03, 0.6
+"""Times by which a root may go before or behind the feet, at the most and at the least [s], and what remains of how far
+the two are from going together, as a share."""
+_NOTHING, _GOES = 0.35, 0.1
+"""Correlation below which a root that goes at such a speed [m/s] is another body's, or feet are ..."""
+_UPRIGHT, _MOSTLY = 0.5, 0.8
+"""... if the pelvis is so high over the lower foot [m] in this share of the frames: a body that lies does not push."""
 _SHORT = 0.3
 """Greatest displacement in a frame [m]."""
 _BETTER = 1.5
@@ -48,9 +57,13 @@ class RootPath:
         if np.linalg.norm(push, axis=1).mean() < 0.02:
             return None
         ratio = evidence.ratio / _BIASED
+        late = _of_delay(reading, evidence)
+        if late is not None:
+            return late
         if relation > (_RELATED if 1.0 / _FAR < ratio < _FAR else _HARDLY):
             return _of_units(reading, ratio, relation)
-        return _of_displacements(reading, evidence, counted, relation) or _of_axes(reading, evidence, push, velocity)
+        found = _of_displacements(reading, evidence, counted, relation) or _of_axes(reading, evidence, push, velocity)
+        return found or _of_nothing(evidence, relation, velocity)
 
 
 def _of_units(reading: Reading, ratio: float, relation: float) -> Diagnosis | None:
@@ -70,8 +83,12 @@ def _of_units(reading: Reading, ratio: float, relation: float) -> Diagnosis | No
                 tried.append((read.evidence.unrest, factor, read))
     tried.sort(key=lambda one: one[0])
     before = reading.evidence
-    if apart < _APART and (not tried or before is None or tried[0][0] > _STANDS * before.unrest):
-        return None
+    if apart < _APART and before is not None and (not tried or tried[0][0] > _STANDS * before.unrest):
+        read = reading.with_path(reading.path * ratio)
+        if read.evidence is None or read.evidence.unrest > _PLAINLY * before.unrest:
+            return None
+        remedy = f"they are multiplied by {ratio:.2g}, with which feet stand"
+        return Diagnosis("root_path", what, 0.9, "refuse", remedy, lambda: read)
     if not tried or (len(tried) > 1 and tried[0][0] > _FEWER * tried[1][0]):
         return Diagnosis("root_path", what, 0.9, "refuse")
     _, factor, read = tried[0]
@@ -84,6 +101,48 @@ def _of_units(reading: Reading, ratio: float, relation: float) -> Diagnosis | No
         f"they are multiplied by {factor:.4g}",
         lambda: read,
     )
+
+
+def _of_delay(reading: Reading, evidence: Evidence) -> Diagnosis | None:
+    """A path that is that of the body some time before or after."""
+    most = min(round(_LATE * evidence.fps), len(evidence.frames) // 4)
+    push, velocity = evidence.bearing, evidence.travel
+    if np.linalg.norm(velocity[evidence.counted], axis=1).mean() < _GOES:
+        return None
+
+    def relation(lag: int) -> float:
+        """How the root goes with the feet of so many frames before."""
+        now = slice(max(lag, 0), len(push) + min(lag, 0))
+        then = slice(max(-lag, 0), len(push) - max(lag, 0))
+        both = evidence.counted[now] & evidence.counted[then]
+        return correlation(push[then][both], velocity[now][both])
+
+    found = {lag: relation(lag) for lag in range(-most, most + 1)}
+    lag = max(found, key=lambda frames: found[frames])
+    if abs(lag) < max(2, _SOON * evidence.fps) or found[lag] < _SURELY or 1.0 - found[lag] > _LATER * (1.0 - found[0]):
+        return None
+    frames = np.clip(np.arange(len(reading.path)) + lag, 0, len(reading.path) - 1)
+    read = reading.with_path(reading.path[frames])
+    if read.evidence is None or read.evidence.unrest > _STANDS * evidence.unrest:
+        return None
+    return Diagnosis(
+        "root_path",
+        f"the root goes where the feet push it {abs(lag) / evidence.fps:.2f} s {'later' if lag > 0 else 'before'}",
+        0.92,
+        "repair",
+        "it is moved to their time",
+        lambda: read,
+    )
+
+
+def _of_nothing(evidence: Evidence, relation: float, velocity: Array) -> Diagnosis | None:
+    """A path that has nothing to do with feet that a body stands on."""
+    heights = evidence.at("pelvis")[:, 1] - evidence.soles[..., 1].min(axis=1)
+    speed = float(np.sqrt(np.mean(np.sum(velocity[:, [0, 2]] ** 2, axis=1))))
+    if relation > _NOTHING or speed < _GOES or np.mean(heights > _UPRIGHT) < _MOSTLY:
+        return None
+    what = f"the root goes at {speed:.2f} m/s, and not as the feet push it (correlation {relation:.2f}): they slide"
+    return Diagnosis("root_path", what, 0.9, "refuse")
 
 
 def _of_displacements(reading: Reading, evidence: Evidence, counted: Array, relation: float) -> Diagnosis | None:

@@ -7,11 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from crowdsim.bvh.clip import from_clip, to_clip
 from crowdsim.bvh.io import Bvh
 from crowdsim.capture.columns import rotation_columns
 from crowdsim.capture.evidence import Evidence
 from crowdsim.capture.faults.diagnosis import Diagnosis, by_confidence
+from crowdsim.capture.faults.root_path import RootPath
 from crowdsim.capture.reading import Reading
+from crowdsim.motion import quaternion
 
 _ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 _RELATED, _REST = 0.6, 0.35
@@ -46,6 +49,11 @@ class Rotations:
         if not found or before is None:
             return None
         unrest, words = min(found)
+        path = RootPath().examine(reading)
+        if path is not None and path.action == "repair" and path.repair is not None:
+            other = path.repair().evidence
+            if other is not None and other.unrest < unrest:
+                return None
         confidence = 0.96 if unrest * _PLAINLY < before.unrest else 0.91
         return Diagnosis(
             self.name,
@@ -80,6 +88,7 @@ def _readings(bvh: Bvh) -> Iterator[tuple[str, Bvh]]:
     motion = bvh.motion.copy()
     motion[:, rotation_columns(bvh)] *= -1.0
     yield "angles have the opposite sense", replace(bvh, motion=motion)
+    yield "rotations of joints are those in the world", _local(bvh)
     root = bvh.channels[0]
     angles, places = ([name for name in root if name.endswith(kind)] for kind in ("rotation", "position"))
     if len(angles) == len(places) == 3:
@@ -87,6 +96,17 @@ def _readings(bvh: Bvh) -> Iterator[tuple[str, Bvh]]:
         swapped = (*places, *angles) if first else (*angles, *places)
         words = f"{'positions' if first else 'rotations'} come first among the root's channels"
         yield words, replace(bvh, channels=(swapped, *bvh.channels[1:]))
+
+
+def _local(bvh: Bvh) -> Bvh:
+    """The file with its rotations, which are those in the world, against each joint's parent."""
+    clip = to_clip(bvh)
+    rotations = clip.rotations.copy()
+    below = np.flatnonzero(clip.skeleton.parents >= 0)
+    above = clip.rotations[:, clip.skeleton.parents[below]]
+    rotations[:, below] = quaternion.multiply(quaternion.conjugate(above), clip.rotations[:, below])
+    local = from_clip(replace(clip, rotations=rotations), unit_scale=1.0)
+    return replace(bvh, channels=local.channels, motion=local.motion)
 
 
 def _ordered(names: tuple[str, ...], order: str) -> tuple[str, ...]:

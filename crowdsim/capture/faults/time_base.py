@@ -23,10 +23,12 @@ _HARDEST = 380.0
 """Likewise of their acceleration [m/s^2]."""
 _SLOWEST = 0.12
 """How often a second, at the least, the fastest limb could cover all the room it uses."""
-_EARTH, _FLOATS, _DROPS = 9.81, 1.1, 70.0
+_EARTH, _FLOATS, _DROPS = 9.81, 1.1, 30.0
 """Acceleration downward of someone who is in the air, and bounds beyond which it is that of another clock [m/s^2]."""
 _SWAYS, _SNAPS = 1.4, 130.0
 """Likewise of gravity by how a body on one foot is accelerated (``Evidence.balance``) [m/s^2]."""
+_WALKS, _TRIPS = 0.43, 0.21
+"""How far a step of a walk goes times how long it takes (``Evidence.pace``), and what it is no less than [m s]."""
 _READINGS = {
     "milliseconds": lambda value: 1000.0 / value,
     "microseconds": lambda value: 1e6 / value,
@@ -76,6 +78,9 @@ class TimeBase:
             if gravity is not None and gravity > 0.0:
                 rate = written * np.sqrt(_EARTH / gravity)
                 what += f", and {falls} at {gravity:.3g} m/s^2, as on earth at about {rate:.0f} frames a second"
+        if evidence is not None and evidence.pace is not None and evidence.pace < _TRIPS:
+            usual = written * evidence.pace / _WALKS
+            what += f", and steps follow one another as those of a walk do at about {usual:.0f} frames a second"
         return Diagnosis(
             self.name,
             f"{what}; no other reading of that number makes a body's motion of it"
@@ -123,6 +128,7 @@ def _fits(fps: float, evidence: Evidence | None) -> bool:
         and not 0.0 < fall < _FLOATS
         and fall < _DROPS
         and _SWAYS < sway < _SNAPS
+        and (evidence.pace is None or evidence.pace * evidence.fps / fps > _TRIPS)
     )
 
 

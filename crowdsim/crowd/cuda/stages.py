@@ -25,7 +25,7 @@ from crowdsim.crowd.kernels.layout import Now, Observed
 from crowdsim.crowd.kernels.record import write_record
 from crowdsim.crowd.kernels.records import STRIKE
 from crowdsim.crowd.kernels.shown_motion import RENEWED
-from crowdsim.crowd.opponents import GROWN, SORT_EVERY, TreeIndex
+from crowdsim.crowd.opponents import GROWN, SORT_EVERY, TreeIndex, sides_of
 from crowdsim.crowd.stages import Stages, lost_avatar
 from crowdsim.crowd.workers import Workers
 from crowdsim.errors import RunError
@@ -176,10 +176,9 @@ class CudaStages:
     def _extents(self) -> float:
         """Return the length of all sides of the leaves' boxes."""
         assert self._work is not None
-        boxes = np.empty(self._work.search.boxes.shape)
+        boxes = np.empty(self._work.search.boxes.shape, np.float32)
         read(self._work.search.boxes, boxes)
-        leaves = boxes[1 << self._depth : 2 << self._depth]
-        return float(np.abs(leaves[:, 1] - leaves[:, 0]).sum() + np.abs(leaves[:, 3] - leaves[:, 2]).sum())
+        return sides_of(boxes[1 << self._depth : 2 << self._depth])
 
     def _begin(self, world: World, now: Now, fresh: Array) -> Work:
         """Send what the frame needs that the GPU does not have yet."""
@@ -200,7 +199,7 @@ class CudaStages:
         search = work.search
         if len(search.boxes) != 2 << self._depth:
             search = search._replace(
-                boxes=to_device(np.zeros((2 << self._depth, 4))),
+                boxes=to_device(np.zeros((2 << self._depth, 4), np.float32)),
                 box_teams=to_device(np.zeros(2 << self._depth, np.int32)),
             )
         if len(fresh):
@@ -222,7 +221,7 @@ class CudaStages:
         lists = 5 * 4 * count + (STRIKE.itemsize + 8) * room
         searching = (4 + 4 + 12 * most + 16 * _NODES) * rows
         needed = size_of((self._model, self._avatars, empty_record(1, count), world))
-        needed += rows * size_of(scratch) + lists + searching + 72 * (2 << self._depth)
+        needed += rows * size_of(scratch) + lists + searching + 40 * (2 << self._depth)
         if needed > free_memory():
             free = f"{free_memory() / 1e9:.1f} GB are free"
             raise RunError(
@@ -250,7 +249,7 @@ class CudaStages:
             observed=Observed(empty((rows,), np.int32), empty((rows,), np.int32), empty((rows, most), np.int32)),
             search=Search(
                 self._depth,
-                to_device(np.zeros((2 << self._depth, 4))),
+                to_device(np.zeros((2 << self._depth, 4), np.float32)),
                 to_device(np.zeros(2 << self._depth, np.int32)),
                 empty((rows, most), np.float64),
                 empty((rows, _NODES), np.int64),

@@ -119,8 +119,8 @@ def scratch_of(scratch, row):
     return Scratch(
         scratch.situations[row], scratch.states[row], scratch.cohorts[row], scratch.policies[row], scratch.order[row],
         scratch.starts[0], scratch.values[row], scratch.begins[row], scratch.spots[row], scratch.parts[row],
-        scratch.nears[row], scratch.cells[row], scratch.work[row], scratch.rows[row], scratch.layers[row],
-        scratch.layer_shares[row], scratch.near[row],
+        scratch.nears[row], scratch.cells[row], scratch.work[row], scratch.frames[row], scratch.rows[row],
+        scratch.layers[row], scratch.layer_shares[row], scratch.near[row],
     )  # fmt: skip
 
 

@@ -7,14 +7,16 @@ import numpy as np
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.easing import minimum_jerk
 from crowdsim.crowd.kernels.bases import base_at, base_of
-from crowdsim.crowd.kernels.confinement import AHEAD as LOOKS_AHEAD
-from crowdsim.crowd.kernels.confinement import confine, prefetch_outline
+from crowdsim.crowd.kernels.confinement import confine, is_clear, whole
 from crowdsim.crowd.kernels.forced_actions import note_condition
 from crowdsim.crowd.kernels.interpolation import ground_at
 from crowdsim.crowd.kernels.layout import AHEAD, NO_STRIKE
+from crowdsim.crowd.kernels.positions import position_of
 from crowdsim.crowd.kernels.prefetch import prefetch, prefetch_avatar
 from crowdsim.crowd.kernels.shown_motion import is_varied, note_shown, prefetch_marks
 from crowdsim.jit import kernel
+
+NEARLY = 1e-4  # how near its end an action is over [frames of motion]
 
 
 @kernel(inline=True)
@@ -42,7 +44,9 @@ def advance(model, avatars, world, frame, first, last, due, few):
         length, before = actions[action].length, motion[i].phase
         if before > playback[i].pending:
             playback[i].pending = _next_strike(actions, model.strikes, action, before)
-        phase = before + motion[i].speed
+        phase = np.float32(np.float64(before) + motion[i].speed)
+        if length - NEARLY < phase < length:
+            phase = np.float32(length)  # it is over but for rounding
         playback[i].phase_before = min(before, length)
         motion[i].phase = phase
         playback[i].action_before = -1
@@ -92,8 +96,6 @@ def switch(model, avatars, world, frame, due, chosen, first, last):
             prefetch(avatars.fight, due[q + 2 * AHEAD])
         if q + AHEAD < last:
             _prefetch_start(model, avatars, due[q + AHEAD], chosen[q + AHEAD], varied)
-            for ahead in range(LOOKS_AHEAD + 1 if confined else 0):
-                prefetch_outline(model, avatars, due[q + AHEAD], chosen[q + AHEAD], np.float64(ahead))
         i = due[q]
         old, new = motion[i].action, chosen[q]
         if varied:
@@ -115,9 +117,10 @@ def start_action(model, avatars, world, frame, i, new, phase):
     """Start an action on the ground transform of an avatar, with some frames of motion done already."""
     motion, playback = avatars.motion, avatars.playback
     actions, ground, policies = model.actions, model.ground, model.policies
-    stride, scale = policies[avatars.policy[i]].stride, playback[i].scale
+    stride, scale = policies[avatars.policy[i]].stride, np.float64(playback[i].scale)
     origin = actions[new].origin
-    x, z, heading = avatars.x[i], avatars.z[i], avatars.heading[i]
+    x, z = position_of(avatars, i)
+    heading = np.float64(avatars.heading[i])
     heading -= 2.0 * math.pi * math.floor(heading / (2.0 * math.pi) + 0.5)
     cos, sin = cos_sin(heading)
     cos, sin = cos * scale, sin * scale
@@ -139,4 +142,5 @@ def start_action(model, avatars, world, frame, i, new, phase):
     motion[i].action = new
     motion[i].phase = phase
     if avatars.free.shape[0] > 0:
-        avatars.free[i] = -1.0
+        is_free = is_clear(model, avatars, world.places, i, new, base_x, base_z, cos, sin)
+        avatars.free[i] = whole(actions[new].length, motion[i].speed) if is_free else -1.0

@@ -67,6 +67,12 @@ def over_ground(model, avatars, i, action, old, fx, fz):
         base_x, base_z, cos, sin, _ = base_before(model, avatars, i)
     else:
         base_x, base_z, cos, sin = base_at(model, avatars, i)
+    return from_base(model, action, base_x, base_z, cos, sin, fx, fz)
+
+
+@kernel(inline=True)
+def from_base(model, action, base_x, base_z, cos, sin, fx, fz):
+    """Return over what a point lies that is seen from the start of an action, by where that is based."""
     starts = model.starts
     gx, gz, gh = starts[action].x, starts[action].z, starts[action].heading
     wx, wz = cos_sin(gh)

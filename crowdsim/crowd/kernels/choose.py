@@ -109,7 +109,7 @@ def _note_strikes(model, avatars, world, now, own, action):
     number = avatars.number[own]
     thrown = model.actions[action + 1].strikes - model.actions[action].strikes
     if thrown > 0:
-        note_seen(model, avatars, world, now, own)
+        note_seen(model, avatars, world.targets, now, own, action)
     interval = world.cohorts[avatars.playback[own].cohort].interval
     if avatars.conditions.shape[0] > 0:
         row = avatars.conditions[number]

@@ -1,20 +1,25 @@
 """Confinement: where a body would be in an obstacle, its root slides along that."""
 
+import numpy as np
+
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.easing import minimum_jerk
 from crowdsim.crowd.kernels.bases import base_at
 from crowdsim.crowd.kernels.interpolation import ground_at
 from crowdsim.crowd.kernels.layout import LIMB_ROOM, PELVIS, TRUNK_ROOM
-from crowdsim.crowd.kernels.prefetch import prefetch
+from crowdsim.crowd.kernels.positions import position_of
 from crowdsim.jit import kernel
-from crowdsim.places.kernels.distance import cell_at, part_gap, stands, way_gap
+from crowdsim.places.kernels.distance import cell_at, is_circle_clear, part_gap, stands, way_gap
 
 CLEARANCE = 0.3  # how far the ground transform of a body keeps from obstacles, for a scale of 1 [m]
 PASSES = 3  # how often all obstacles near are gone through
-AHEAD = 6  # how far ahead in its action an avatar looks whether it is going to be in obstacles [control frames]
+AHEAD = 6  # how far ahead in its action an avatar makes up for obstacles that it is going to be in [control frames]
+FURTHEST = 64  # how far ahead it looks for them at the most [control frames]
 LATE, BLENDS = 0.2, 3.0  # how far fists may be in as an action begins [m], and for how long, as it blends with the last
 LAST_FIST = PELVIS + 2
-NEAR = 1.6  # how near obstacles are that a body may reach until then, for a scale of 1 [m]
+NEAR = 1.6  # how near obstacles are that a body may reach in ``AHEAD`` frames, for a scale of 1 [m]
+ROUNDING = 1e-5  # errors of phases in single precision add up to less until they are looked at again [control frames]
+TOUCHING = 1e-5  # clearance that bodies may lack, since positions are rounded to single precision [m]
 ROOT_PASSES = 12  # how often at most they are then once more, for the ground transform alone
 
 
@@ -24,76 +29,84 @@ def confine(model, avatars, world, frame, i):
 
     What its action is going to lack is made up in equal steps until then.
     """
-    places, size = world.places, avatars.playback[i].scale
-    cell = cell_at(places.grid, avatars.x[i], avatars.z[i])
-    if cell >= 0 and places.clear[cell] < NEAR * size:
-        _confine(model, avatars, places, frame, i)
+    motion, places = avatars.motion, world.places
+    if motion[i].phase + AHEAD * motion[i].speed > avatars.free[i]:
+        cell = cell_at(places.grid, *position_of(avatars, i))
+        if cell >= 0 and places.clear[cell] < NEAR * avatars.playback[i].scale:
+            _confine(model, avatars, places, frame, i)
 
 
 @kernel(allocates=False)
 def _confine(model, avatars, places, frame, i):
-    """Move an avatar near obstacles, see ``confine``; what was found to be free a frame ago is not looked at again."""
-    phase, speed = avatars.motion[i].phase, avatars.motion[i].speed
+    """Move an avatar near obstacles, see ``confine``; what was found to be free before is not looked at again.
+
+    What comes after ``AHEAD`` frames is only looked at until it is in obstacles.
+    """
+    motion, length = avatars.motion, model.actions[avatars.motion[i].action].length
+    phase, speed = np.float64(motion[i].phase), np.float64(motion[i].speed)
     if phase > avatars.free[i]:
-        _move(avatars, i, _find_push(model, avatars, places, frame, i, 0))
+        _move(avatars, i, _find_push(model, avatars, places, frame, i, 0, base_at(model, avatars, i)))
+    base, free = base_at(model, avatars, i), phase
     most, step_x, step_z = 0.0, 0.0, 0.0
-    for ahead in range(1, AHEAD + 1):
-        if phase + (ahead - 1) * speed >= _length(model, avatars, i):
+    for ahead in range(1, FURTHEST + 1):
+        if phase + (ahead - 1) * speed >= length:
+            free = whole(length, speed)
             break
-        if phase + ahead * speed <= avatars.free[i]:
-            continue
-        push_x, push_z = _find_push(model, avatars, places, frame, i, ahead)
-        push_x, push_z = push_x / (ahead + 1), push_z / (ahead + 1)
-        square = push_x * push_x + push_z * push_z
-        if square > most:
-            most, step_x, step_z = square, push_x, push_z
+        if phase + ahead * speed > avatars.free[i]:
+            push_x, push_z = _find_push(model, avatars, places, frame, i, ahead, base)
+            push_x, push_z = push_x / (ahead + 1), push_z / (ahead + 1)
+            square = push_x * push_x + push_z * push_z
+            if ahead > AHEAD and square > 0.0:
+                break
+            if square > most:
+                most, step_x, step_z = square, push_x, push_z
+        if ahead >= AHEAD and most > 0.0:
+            break
+        free = phase + ahead * speed + ROUNDING
     if most > 0.0:
         _move(avatars, i, (step_x, step_z))
         # A step beside one obstacle may lead into another.
-        _move(avatars, i, _find_push(model, avatars, places, frame, i, 0))
+        _move(avatars, i, _find_push(model, avatars, places, frame, i, 0, base_at(model, avatars, i)))
     else:
-        avatars.free[i] = phase + AHEAD * speed + 1e-9
-        prefetch_outline(model, avatars, i, avatars.motion[i].action, phase + (AHEAD + 1) * speed)
+        avatars.free[i] = free
 
 
 @kernel(inline=True)
-def prefetch_outline(model, avatars, i, action, phase):
-    """Prefetch what says where a body is some frames into an action."""
-    shown = int(phase * model.policies[avatars.policy[i]].stride)
-    shown = min(shown, model.actions[action].length * model.policies[avatars.policy[i]].stride)
-    shown += model.actions[action].origin
-    prefetch(model.ground, shown)
-    prefetch(model.extents, shown)
-    prefetch(model.outlines, shown)
-    prefetch(model.outlines, shown + 1)  # the end of what is longer than a line
+def is_clear(model, avatars, places, i, action, base_x, base_z, cos, sin):
+    """Return whether the circle around an action is in no obstacle; by where that is based (``bases.base_of``)."""
+    if avatars.conditions.shape[0] > 0 and (avatars.slides[i].x != 0.0 or avatars.slides[i].z != 0.0):
+        return False
+    span = model.spans[action]
+    x, z = base_x + span.x * cos + span.z * sin, base_z - span.x * sin + span.z * cos
+    return is_circle_clear(places, x, z, span.radius * np.float64(avatars.playback[i].scale))
 
 
 @kernel(inline=True)
-def _length(model, avatars, i):
-    return model.actions[avatars.motion[i].action].length
+def whole(length, speed):
+    """Return ``Avatars.free`` for an action that is in no obstacle from beginning to end."""
+    return length + (AHEAD + 1) * speed
 
 
 @kernel(inline=True)
-def _find_push(model, avatars, places, frame, i, ahead):
-    """Return how far an avatar must go so that its body is in no obstacle, some control frames on in its action."""
+def _find_push(model, avatars, places, frame, i, ahead, base):
+    """Return how far an avatar must go so that its body is in no obstacle, some control frames on in its action.
+
+    ``base`` says where the action is based now (``bases.base_at``).
+    """
     motion, playback, slides = avatars.motion, avatars.playback, avatars.slides
-    length, size, push = _length(model, avatars, i), playback[i].scale, (0.0, 0.0)
-    done = min(motion[i].phase + ahead * motion[i].speed, length)
+    length, size, push = model.actions[motion[i].action].length, np.float64(playback[i].scale), (0.0, 0.0)
+    done = min(np.float64(motion[i].phase) + ahead * motion[i].speed, length)
     shown = model.actions[motion[i].action].origin + done * model.policies[avatars.policy[i]].stride
-    x, z, heading = avatars.x[i], avatars.z[i], avatars.heading[i]
-    if ahead > 0:
-        gx, gz, turned = ground_at(model.ground, shown)
-        base_x, base_z, cos, sin = base_at(model, avatars, i)
-        x, z = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
-        heading = playback[i].base_turn + turned
-        if avatars.conditions.shape[0] > 0:  # only avatars that may fall have a slide
-            left = minimum_jerk(done / length) - minimum_jerk(min(motion[i].phase, length) / length)
-            x, z = x + left * slides[i].x, z + left * slides[i].z
+    gx, gz, turned = ground_at(model.ground, shown)
+    x, z = base[0] + gx * base[2] + gz * base[3], base[1] - gx * base[3] + gz * base[2]
+    if avatars.conditions.shape[0] > 0 and (slides[i].x != 0.0 or slides[i].z != 0.0):
+        left = minimum_jerk(done / length) - minimum_jerk(min(motion[i].phase, length) / length)
+        x, z = x + left * slides[i].x, z + left * slides[i].z
     cell = cell_at(places.grid, x, z)
     if cell >= 0:
         far = max(model.extents[int(shown)], CLEARANCE) * size
         if places.clear[cell] < far:
-            spare = LATE * max(1.0 - done / BLENDS, 0.0)
+            heading, spare = playback[i].base_turn + turned, LATE * max(1.0 - done / BLENDS, 0.0)
             push = _push_out(model.outlines[int(shown)], places, frame + ahead, cell, x, z, heading, size, far, spare)
     return push
 
@@ -104,8 +117,6 @@ def _push_out(outline, places, frame, cell, from_x, from_z, heading, size, far, 
 
     Its fists may be in obstacles by what is ``spare``.
     """
-    cos, sin = cos_sin(heading)
-    cos, sin = cos * size, sin * size
     moved_x, moved_z = 0.0, 0.0
     for attempt in range(PASSES + ROOT_PASSES):
         still = True
@@ -117,14 +128,10 @@ def _push_out(outline, places, frame, cell, from_x, from_z, heading, size, far, 
             gap, nx, nz = part_gap(part, x, z)
             if gap >= far or not stands(part, frame):
                 continue
-            push = CLEARANCE * size - gap
-            for p in range(outline.shape[0] if attempt < PASSES else 0):
-                point = outline[p]
-                dx, dz = point[0] * cos + point[2] * sin, point[2] * cos - point[0] * sin
-                room = (TRUNK_ROOM if p <= PELVIS else LIMB_ROOM) * size
-                depth = _depth(part, x, z, gap, nx, nz, dx, point[1] * size, dz, room)
-                push = max(push, depth - spare * size if PELVIS < p <= LAST_FIST else depth)
-            if push > 1e-9:
+            push = max(CLEARANCE * size - gap, TOUCHING)
+            if attempt < PASSES:
+                push = _find_depth(outline, part, x, z, gap, nx, nz, heading, size, spare, push)
+            if push > TOUCHING:
                 moved_x, moved_z, still = moved_x + push * nx, moved_z + push * nz, False
         if still:
             break
@@ -148,12 +155,21 @@ def _move(avatars, i, way):
 
 
 @kernel(inline=True)
-def _depth(part, x, z, gap, nx, nz, dx, y, dz, room):
-    """Return how far a body at (x, z) must go along (nx, nz) until its point (dx, dz) has room before a part [m]."""
-    depth = room - gap - dx * nx - dz * nz
-    if depth <= 0.0 or y > part.height:
-        return 0.0
-    return depth if way_gap(part, x, z, x + dx, z + dz) < room else 0.0
+def _find_depth(outline, part, x, z, gap, nx, nz, heading, size, spare, least):
+    """Return how far a body at (x, z) must go along (nx, nz) until its points have room before a part, or ``least``."""
+    cos, sin = cos_sin(heading)
+    cos, sin = cos * size, sin * size
+    # The points are seen from the body, as is the way that it goes.
+    right, ahead = nx * cos - nz * sin, nx * sin + nz * cos
+    for p in range(outline.shape[0]):
+        px, py, pz = outline[p, 0], outline[p, 1], outline[p, 2]
+        room = (TRUNK_ROOM if p <= PELVIS else LIMB_ROOM) * size
+        depth = room - gap - px * right - pz * ahead
+        depth -= spare * size if PELVIS < p <= LAST_FIST else 0.0
+        to_x, to_z = x + px * cos + pz * sin, z + pz * cos - px * sin
+        if depth > least and py * size <= part.height and way_gap(part, x, z, to_x, to_z, room) < room:
+            least = depth
+    return least
 
 
 @kernel(allocates=False)

@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.mathematics import atan2
 from crowdsim.core.segments import square_between
@@ -16,6 +18,7 @@ from crowdsim.crowd.kernels.lying import (
     placed,
     seen_from,
 )
+from crowdsim.crowd.kernels.positions import end_of, position_of
 from crowdsim.crowd.kernels.sole_contact import sole_gap
 from crowdsim.jit import kernel
 from crowdsim.places.kernels.distance import cell_at, part_gap, stands, way_gap
@@ -35,7 +38,7 @@ def crowded(model, avatars, own, row, dx, dz, observed, q):
 
     The square of the room that lacks is a whole number of parts, so that sums do not depend on the order of neighbours.
     """
-    motion, size = avatars.motion, avatars.playback[own].scale
+    motion, size = avatars.motion, np.float64(avatars.playback[own].scale)
     cos, sin = cos_sin(avatars.heading[own])
     cos, sin = cos * size, sin * size
     x, z = avatars.x[own] + dx, avatars.z[own] + dz
@@ -67,11 +70,11 @@ def _axis_soon(avatars, axis, size, j):
 
     It lies like a body of a size along an axis.
     """
-    motion, fight = avatars.motion, avatars.fight
-    dx, dz, hit_x, hit_z = axis.to_x - axis.x, axis.to_z - axis.z, fight[j].hit_x, fight[j].hit_z
+    dx, dz, fight = axis.to_x - axis.x, axis.to_z - axis.z, avatars.fight[j]
+    hit_x, hit_z = np.float64(fight.hit_x), np.float64(fight.hit_z)
     length = math.sqrt(dx * dx + dz * dz) * avatars.playback[j].scale / size
     share = length / max(math.sqrt(hit_x * hit_x + hit_z * hit_z), 1e-9)
-    x, z = motion[j].end_x, motion[j].end_z
+    x, z = end_of(avatars, j)
     return Axis(x + share * hit_x, z + share * hit_z, x, z)
 
 
@@ -89,7 +92,7 @@ def _body_gap(model, avatars, row, lies, j):
     """
     one, other = model.fall_capsules[row], model.fall_capsules[int(avatars.conditions[avatars.number[j]].fall)]
     x, z, turn = floor_transform(model, avatars, j)
-    unit = avatars.playback[j].scale
+    unit = np.float64(avatars.playback[j].scale)
     stands, gap = seen_from((x, z, turn, unit), lies), FREE / unit
     size = stands[4]
     for i in range(one.shape[0]):
@@ -113,14 +116,11 @@ def _soles_gap(model, avatars, row, lies, j):
 
     It is at most ``FREE``.
     """
-    motion, action = avatars.motion, avatars.motion[j].action
+    action = avatars.motion[j].action
     frame = model.actions[action].origin + model.actions[action].length * model.policies[avatars.policy[j]].stride
-    there = (
-        motion[j].end_x,
-        motion[j].end_z,
-        avatars.playback[j].base_turn + model.ground[frame].heading,
-        avatars.playback[j].scale,
-    )
+    x, z = end_of(avatars, j)
+    turn = avatars.playback[j].base_turn + model.ground[frame].heading
+    there = (x, z, turn, np.float64(avatars.playback[j].scale))
     stands, capsules, most = seen_from(lies, there), model.fall_capsules[row], FREE / lies[3]
     left = sole_gap(model.soles, capsules, frame, LEFT, stands, most)
     return lies[3] * min(left, sole_gap(model.soles, capsules, frame, RIGHT, stands, most))
@@ -130,7 +130,7 @@ def _soles_gap(model, avatars, row, lies, j):
 def hemmed_in(model, avatars, world, frame, own, row, dx, dz):
     """Return how far a body would lie in obstacles after a fall that ends further on by (dx, dz): the square [m2]."""
     places, size = world.places, avatars.playback[own].scale
-    x, z = avatars.x[own], avatars.z[own]
+    x, z = position_of(avatars, own)
     cell = cell_at(places.grid, x, z)
     if cell < 0:
         return 0.0
@@ -143,7 +143,7 @@ def hemmed_in(model, avatars, world, frame, own, row, dx, dz):
             gap, nx, nz = part_gap(part, x, z)
             for px, pz in ((axis.x, axis.z), (axis.to_x, axis.to_z), (x + dx, z + dz)):
                 depth = WALLS * size - gap - (px - x) * nx - (pz - z) * nz
-                if depth > 0.0 and way_gap(part, x, z, px, pz) < WALLS * size:
+                if depth > 0.0 and way_gap(part, x, z, px, pz, WALLS * size) < WALLS * size:
                     lacks += _squared(FIRMLY, depth)
     return lacks / PARTS
 

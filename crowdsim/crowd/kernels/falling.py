@@ -9,8 +9,9 @@ from crowdsim.core.mathematics import atan2
 from crowdsim.crowd.kernels.arena import outside
 from crowdsim.crowd.kernels.fall_clearance import roomiest
 from crowdsim.crowd.kernels.kd_queries import box_distance
-from crowdsim.crowd.kernels.layout import FALLS, STANDS_UP, Axis
+from crowdsim.crowd.kernels.layout import FALLS, STANDS_UP
 from crowdsim.crowd.kernels.lying import axis_of, from_axis, is_on_floor
+from crowdsim.crowd.kernels.positions import course_of, position_of
 from crowdsim.jit import kernel
 
 LIKE = 1.0  # directions of falls are alike that differ by no more from the nearest one to the blow's [rad]
@@ -48,7 +49,8 @@ def pick_fall(model, avatars, world, frame, own, kind, push, left, shown, observ
     policy, stance = avatars.policy[own], 0
     if avatars.conditions.shape[0] > 0:
         stance = int(avatars.conditions[avatars.number[own]].stance)
-    blow = atan2(avatars.fight[own].hit_x, avatars.fight[own].hit_z) - avatars.heading[own]
+    fight = avatars.fight[own]
+    blow = atan2(np.float64(fight.hit_x), np.float64(fight.hit_z)) - avatars.heading[own]
     nearest = math.inf
     for row in range(falls.shape[0]):
         if falls[row].policy == policy and falls[row].kind == kind:
@@ -101,7 +103,8 @@ def shown_before(model, avatars, frame, own, tree, anywhere, stack, out_costs):
     """
     for row in range(out_costs.shape[0]):
         out_costs[row] = anywhere[row]
-    x, z, count, leaves = avatars.x[own], avatars.z[own], tree.xs.shape[0], 1 << tree.depth
+    x, z = position_of(avatars, own)
+    count, leaves = tree.xs.shape[0], 1 << tree.depth
     stack[0] = held = 1
     while held > 0:
         held -= 1
@@ -169,8 +172,8 @@ def _unfit(model, avatars, world, frame, own, row, blow, nearest, push, observed
     if model.falls[row].kind != FALLS:
         if aside > LIKE or _has_no_room(model, avatars, world, own, row, observed, q):
             return math.inf
-        move = model.moves[model.falls[row].action]
-        return unfit + OFF * abs(avatars.playback[own].scale * math.sqrt(move.x * move.x + move.z * move.z) - push)
+        move, size = model.moves[model.falls[row].action], np.float64(avatars.playback[own].scale)
+        return unfit + OFF * abs(size * math.sqrt(move.x * move.x + move.z * move.z) - push)
     return unfit + roomiest(model, avatars, world, frame, own, row, observed, q)[0]
 
 
@@ -180,7 +183,8 @@ def _has_no_room(model, avatars, world, own, row, observed, q):
 
     Where an avatar is nearer to that already, the stagger leads away.
     """
-    x, z, size, move = avatars.x[own], avatars.z[own], avatars.playback[own].scale, model.moves[model.falls[row].action]
+    x, z = position_of(avatars, own)
+    size, move = np.float64(avatars.playback[own].scale), model.moves[model.falls[row].action]
     cos, sin = cos_sin(avatars.heading[own])
     dx, dz = size * (move.x * cos + move.z * sin), size * (move.z * cos - move.x * sin)
     if outside(world.arena, x + dx, z + dz) > outside(world.arena, x, z):
@@ -193,7 +197,7 @@ def _has_no_room(model, avatars, world, own, row, observed, q):
             near = min(from_axis(axis, x + 0.5 * dx, z + 0.5 * dz), from_axis(axis, x + dx, z + dz))
             found |= near < min(STAGGERS_BY, from_axis(axis, x, z))
         else:
-            way = Axis(avatars.x[j], avatars.z[j], avatars.motion[j].end_x, avatars.motion[j].end_z)
+            way = course_of(avatars, j)
             near = min(from_axis(way, x + 0.5 * dx, z + 0.5 * dz), from_axis(way, x + dx, z + dz))
             found |= near < min(APART, from_axis(way, x, z))
     return found

@@ -1,5 +1,7 @@
 """Whether an arm of the victim is in the way of a strike."""
 
+import numpy as np
+
 from crowdsim.core.segments import square_between, square_from
 from crowdsim.crowd.kernels.bases import over_ground
 from crowdsim.crowd.kernels.interpolation import point_at
@@ -24,7 +26,7 @@ def meet_guard(model, avatars, i, j, thrown, body, stands):
     right_elbow = point_at(model.arms, frame, RIGHT_ELBOW, x, z, size, cos, sin)
     left_fist = point_at(model.arms, frame, LEFT_FIST, x, z, size, cos, sin)
     right_fist = point_at(model.arms, frame, RIGHT_FIST, x, z, size, cos, sin)
-    way, own = model.ways[thrown.strike], avatars.playback[i].scale
+    way, own = model.ways[thrown.strike], np.float64(avatars.playback[i].scale)
     first = _way_point(model, avatars, i, thrown, way, own, 0)
     middle = _way_point(model, avatars, i, thrown, way, own, 1)
     left_arm, right_arm, left_glove, right_glove = forearm, forearm, glove, glove

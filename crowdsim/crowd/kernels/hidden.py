@@ -3,6 +3,7 @@
 import math
 
 from crowdsim.crowd.kernels.layout import Target
+from crowdsim.crowd.kernels.positions import position_of, way_between
 from crowdsim.jit import kernel
 from crowdsim.places.kernels.distance import ANY_HEIGHT, is_way_free
 from crowdsim.places.kernels.routes import first_corner
@@ -17,7 +18,8 @@ WALKS = 0.22  # how far a straight way to an opponent keeps from obstacles [m]
 def is_hidden(avatars, world, frame, own, x, z):
     """Return whether an obstacle is between an avatar and a point that it looks at."""
     height = EYES * avatars.playback[own].scale
-    return not is_way_free(world.places, frame, avatars.x[own], avatars.z[own], x, z, 0.0, height)
+    own_x, own_z = position_of(avatars, own)
+    return not is_way_free(world.places, frame, own_x, own_z, x, z, 0.0, height)
 
 
 @kernel(inline=True)
@@ -30,10 +32,11 @@ def prefer_seen(avatars, world, now, own, opponent, observed, q):
     if opponent < 0 or avatars.slot_of[opponent] >= now.present:
         return opponent, False
     slot = avatars.slot_of[opponent]
-    x, z = avatars.x[own], avatars.z[own]
-    if is_way_free(places, now.frame, x, z, avatars.x[slot], avatars.z[slot], WALKS, ANY_HEIGHT):
+    x, z = position_of(avatars, own)
+    to_x, to_z = position_of(avatars, slot)
+    if is_way_free(places, now.frame, x, z, to_x, to_z, WALKS, ANY_HEIGHT):
         return opponent, True
-    if skip == -2 or not is_hidden(avatars, world, now.frame, own, avatars.x[slot], avatars.z[slot]):
+    if skip == -2 or not is_hidden(avatars, world, now.frame, own, to_x, to_z):
         return opponent, False
     return _nearest_seen(avatars, world, now, own, opponent, observed, q), False
 
@@ -41,25 +44,27 @@ def prefer_seen(avatars, world, now, own, opponent, observed, q):
 @kernel(allocates=False)
 def _nearest_seen(avatars, world, now, own, opponent, observed, q):
     """Return the number of the nearest opponent that is seen, if that is not much further away than a hidden one."""
-    skip, slot, x, z = avatars.skip[own], avatars.slot_of[opponent], avatars.x[own], avatars.z[own]
-    best = (FURTHER * math.sqrt((avatars.x[slot] - x) ** 2 + (avatars.z[slot] - z) ** 2) + 1.0) ** 2
+    skip = avatars.skip[own]
+    dx, dz = way_between(avatars, own, avatars.slot_of[opponent])
+    best = (FURTHER * math.sqrt(dx * dx + dz * dz) + 1.0) ** 2
     found, near = opponent, observed.counts[q]
     # The opponent so far and neighbours first, since one that is seen leaves few others to be looked at.
     old = avatars.opponent[own]
     if old >= 0 and old != opponent and avatars.slot_of[old] < now.present:
         j = avatars.slot_of[old]
-        square = (avatars.x[j] - x) ** 2 + (avatars.z[j] - z) ** 2
+        dx, dz = way_between(avatars, own, j)
+        square = dx * dx + dz * dz
         is_open = j != own and avatars.team[j] != skip and avatars.team[j] >= 0
-        if is_open and square < best and not is_hidden(avatars, world, now.frame, own, avatars.x[j], avatars.z[j]):
+        if is_open and square < best and not is_hidden(avatars, world, now.frame, own, *position_of(avatars, j)):
             best, found = square, old
     for m in range(near + (now.present if now.present <= LOOKED_AT else 0)):
         j = observed.neighbours[q, m] if m < near else m - near
         if j == own or avatars.team[j] == skip or avatars.team[j] < 0:
             continue
-        dx, dz = avatars.x[j] - x, avatars.z[j] - z
+        dx, dz = way_between(avatars, own, j)
         square = dx * dx + dz * dz
         nearer = square < best or (square == best and avatars.number[j] < found)
-        if nearer and not is_hidden(avatars, world, now.frame, own, avatars.x[j], avatars.z[j]):
+        if nearer and not is_hidden(avatars, world, now.frame, own, *position_of(avatars, j)):
             best, found = square, avatars.number[j]
     return found
 

@@ -12,6 +12,7 @@ from crowdsim.core.angles import cos_sin
 from crowdsim.crowd.kernels.arena import outside
 from crowdsim.crowd.kernels.layout import FIGHTS, FLEES, RESTS, WATCHES, Target
 from crowdsim.crowd.kernels.obstacle_steering import go_around
+from crowdsim.crowd.kernels.positions import position_of, way_between
 from crowdsim.crowd.kernels.resting import may_get_opponent
 from crowdsim.jit import kernel
 
@@ -49,7 +50,7 @@ def see_by_intent(model, avatars, world, now, own, opponent, target, observed, q
         if waits or _has_to_wait(avatars, world, now, own, opponent, observed, q):
             does, keeps = WATCHES, WAITING
     row.does_next = does
-    x, z = avatars.x[own], avatars.z[own]
+    x, z = position_of(avatars, own)
     if opponent >= 0 and does != FLEES and (target.x - x) ** 2 + (target.z - z) ** 2 > NEARBY * NEARBY:
         target = go_around(model, avatars, own, target, observed, q)
     if does == FIGHTS:
@@ -133,7 +134,7 @@ def _has_to_wait(avatars, world, now, own, opponent, observed, q):
 @kernel(inline=True)
 def _claim(avatars, i, j):
     """Return how far an avatar is from another, less where it fights that one already [m]."""
-    dx, dz = avatars.x[j] - avatars.x[i], avatars.z[j] - avatars.z[i]
+    dx, dz = way_between(avatars, i, j)
     far = math.sqrt(dx * dx + dz * dz)
     fights = avatars.opponent[i] == avatars.number[j] and avatars.conditions[avatars.number[i]].does == FIGHTS
     return far - ADMITTED if fights else far

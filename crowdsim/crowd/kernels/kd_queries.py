@@ -214,7 +214,7 @@ def observe(tree, due, skipped, opponent, slot_of, reach, observed):
             copied = -1
             if listed >= 0:
                 copied = _copy_near(tree, _around(tree.boxes, leaf, reach), listed, space)
-        query = Query(tree.xs[own], tree.zs[own], own, np.int32(skipped[own]))
+        query = Query(np.float64(tree.xs[own]), np.float64(tree.zs[own]), own, np.int32(skipped[own]))
         best, found = _list_neighbours(tree, query, q, copied, reach, observed, space)
         if query.skip == -2:
             found = -1
@@ -235,7 +235,7 @@ def observe_alone(tree, own, skip, guess, reach, out_points, out_distances, stac
     ``guess`` is the slot of the opponent so far, or negative. ``out_distances``, ``stack`` and ``far`` (64,) are
     scratch space. Returns the opponent, -1 for none, and how many neighbours are listed.
     """
-    query = Query(tree.xs[own], tree.zs[own], own, skip)
+    query = Query(np.float64(tree.xs[own]), np.float64(tree.zs[own]), own, skip)
     listed = gather(tree, query, reach * reach, out_points, out_distances, stack)
     if skip == -2:
         return -1, listed

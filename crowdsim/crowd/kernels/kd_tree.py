@@ -18,12 +18,12 @@ class Tree(NamedTuple):
     """A KD-tree over N points, in the order of its leaves.
 
     Attributes:
-        xs: Positions across [m]. Shape (N,), float64.
-        zs: Positions ahead [m]. Shape (N,), float64.
+        xs: Positions across [m], those of avatars in single precision. Shape (N,).
+        zs: Positions ahead [m]. Likewise.
         number: What decides between points at one distance: the lower one wins. Shape (N,), int32.
-        team: Team of each point, 0 or greater. Shape (N,), int32.
+        team: Team of each point, 0 or greater. Shape (N,).
         depth: Levels below the root.
-        boxes: Least x, greatest x, least z, greatest z of each node [m]. Shape (2 << depth, 4), float64.
+        boxes: Least x, greatest x, least z, greatest z of each node [m]. Shape (2 << depth, 4), as positions are.
         box_teams: The only team in each node, or -1 where teams mix. Shape (2 << depth,), int32.
     """
 
@@ -152,7 +152,7 @@ def widen(tree, i):
 @kernel
 def everyone(avatars, present):
     """Return a tree of one leaf, in which avatars are found by comparing with everyone, wherever these are."""
-    boxes = np.empty((2, 4))
+    boxes = np.empty((2, 4), np.float32)
     boxes[:, 0::2], boxes[:, 1::2] = -math.inf, math.inf
     xs, zs, number, team = avatars.x[:present], avatars.z[:present], avatars.number[:present], avatars.team[:present]
     return Tree(xs, zs, number, team, 0, boxes, np.full(2, -1, np.int32))

@@ -14,6 +14,7 @@ from crowdsim.crowd.kernels.interpolation import ground_at
 from crowdsim.crowd.kernels.kd_queries import Query, gather
 from crowdsim.crowd.kernels.kd_tree import widen
 from crowdsim.crowd.kernels.layout import DROPS, FALLING, FALLS
+from crowdsim.crowd.kernels.positions import position_of
 from crowdsim.jit import kernel
 
 
@@ -59,7 +60,8 @@ def knock_down(model, avatars, world, now, strikes, first, last, tree, observed,
             continue
         avatars.conditions[by].felled, avatars.conditions[by].felled_frame = number + 1.0, now.frame
         left = leave_action(model, avatars, now.frame, own, hit)
-        around = Query(avatars.x[own], avatars.z[own], own, -1)
+        x, z = position_of(avatars, own)
+        around = Query(x, z, own, -1)
         observed.counts[0] = gather(tree, around, reach * reach, observed.neighbours[0], distances, stack)
         shown_before(model, avatars, now.frame, own, tree, anywhere, stack, shown)
         row = pick_fall(model, avatars, world, now.frame, own, FALLS, 0.0, left[1], shown, observed, 0)

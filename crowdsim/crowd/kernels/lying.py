@@ -2,9 +2,12 @@
 
 import math
 
+import numpy as np
+
 from crowdsim.core.angles import cos_sin
 from crowdsim.crowd.kernels.bases import base_at
 from crowdsim.crowd.kernels.layout import FALLING, FROM_END, RISING, Axis
+from crowdsim.crowd.kernels.positions import end_of
 from crowdsim.jit import kernel
 
 
@@ -40,7 +43,7 @@ def floor_transform(model, avatars, j):
         x, z = base_x + gx * cos + gz * sin, base_z - gx * sin + gz * cos
     else:
         frame += model.actions[action].length * model.policies[avatars.policy[j]].stride
-        x, z = motion[j].end_x, motion[j].end_z
+        x, z = end_of(avatars, j)
     return x, z, playback[j].base_turn + ground[frame].heading
 
 
@@ -67,14 +70,14 @@ def placed(x, y, z, stands):
 @kernel(inline=True)
 def axis_of(model, avatars, j):
     """Return where an avatar lies, or will lie; of one that gets up, from there to where it will stand."""
-    motion = avatars.motion
     row = avatars.conditions[avatars.number[j]]
     x, z, turn = floor_transform(model, avatars, j)
     cos, sin = cos_sin(turn)
-    size = avatars.playback[j].scale
+    size = np.float64(avatars.playback[j].scale)
     axis = axis_after(model, int(row.fall), FROM_END, x, z, cos * size, sin * size)
     if row.standing == RISING:
-        return Axis(0.5 * (axis.x + axis.to_x), 0.5 * (axis.z + axis.to_z), motion[j].end_x, motion[j].end_z)
+        x, z = end_of(avatars, j)
+        return Axis(0.5 * (axis.x + axis.to_x), 0.5 * (axis.z + axis.to_z), x, z)
     return axis
 
 

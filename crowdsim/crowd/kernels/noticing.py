@@ -7,6 +7,7 @@ neutral corner then. A hit ends it.
 import math
 
 from crowdsim.crowd.kernels.layout import FALLING, FIGHTS, LYING, NOTICES, RECTANGLE, Target
+from crowdsim.crowd.kernels.positions import position_of
 from crowdsim.jit import kernel
 
 FACES = 27.0  # how long an avatar with other opponents faces the one that it has knocked down [control frames]
@@ -35,7 +36,7 @@ def see_fallen(avatars, world, now, own, target):
     """Decide that an avatar faces one on the floor, whose head is the target; return where it sees that therefore."""
     row = avatars.conditions[avatars.number[own]]
     row.does_next = NOTICES
-    x, z = avatars.x[own], avatars.z[own]
+    x, z = position_of(avatars, own)
     dx, dz = target.x - x, target.z - z
     far = max(math.sqrt(dx * dx + dz * dz), 1e-9)
     dx, dz, height = dx / far, dz / far, 1.5 * avatars.playback[own].scale

@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.mathematics import atan2
 from crowdsim.crowd.kernels.arena import outside
@@ -12,6 +14,7 @@ from crowdsim.crowd.kernels.interpolation import between
 from crowdsim.crowd.kernels.layout import AHEAD, FORESEEN, HEAD, Target
 from crowdsim.crowd.kernels.noticing import noticed, see_fallen
 from crowdsim.crowd.kernels.opponents import change_opponent
+from crowdsim.crowd.kernels.positions import position_of
 from crowdsim.crowd.kernels.prefetch import prefetch, prefetch_avatar
 from crowdsim.crowd.kernels.terms.defence import see_threat
 from crowdsim.crowd.kernels.travelling import see_way, travels
@@ -51,7 +54,7 @@ def observe(model, avatars, world, now, due, count, observed, scratch):
         else:
             target, seen = Target(0.0, 1.5 * avatars.playback[own].scale, 0.0, 0.0, 0.0, 0.0), False
         if seen and not is_open:
-            target = way_to(world.places, now.frame, avatars.x[own], avatars.z[own], target)
+            target = way_to(world.places, now.frame, *position_of(avatars, own), target)
         down = False
         if avatars.conditions.shape[0] > 0:
             down = is_down(avatars, own)
@@ -114,7 +117,8 @@ def _scripted_target(targets, moment, target):
 @kernel(inline=True)
 def _meet(avatars, own, targets, moment, target):
     """Return a scripted target where it is, or, if it is out of reach, where an avatar can meet it at a walk."""
-    x, z, scale = avatars.x[own], avatars.z[own], avatars.playback[own].scale
+    x, z = position_of(avatars, own)
+    scale = np.float64(avatars.playback[own].scale)
     step, frames = WALKS * scale * avatars.motion[own].speed, 0
     while frames < FORESEEN:
         dx, dz = targets[moment + frames, target, 0] - x, targets[moment + frames, target, 2] - z
@@ -135,7 +139,7 @@ def _head_of(model, avatars, j):
     action = motion[j].action
     done = min(motion[j].phase, actions[action].length)
     frame = actions[action].origin + done * model.policies[avatars.policy[j]].stride
-    size = avatars.playback[j].scale
+    size = np.float64(avatars.playback[j].scale)
     hx, hz = between(bodies, frame, HEAD, 0) * size, between(bodies, frame, HEAD, 2) * size
     cos, sin = cos_sin(avatars.heading[j])
     x, z = avatars.x[j] + hx * cos + hz * sin, avatars.z[j] - hx * sin + hz * cos
@@ -156,7 +160,7 @@ def _head_of(model, avatars, j):
 def _write_situation(avatars, own, target, out_situations, q):
     """Write a target as an avatar sees it, for a body of scale 1 and in its own frames of motion."""
     motion = avatars.motion
-    scale, speed = avatars.playback[own].scale, motion[own].speed
+    scale, speed = np.float64(avatars.playback[own].scale), np.float64(motion[own].speed)
     cos, sin = cos_sin(avatars.heading[own])
     situation = out_situations[q]
     dx, dz = (target.x - avatars.x[own]) / scale, (target.z - avatars.z[own]) / scale

@@ -4,6 +4,7 @@ import math
 
 from crowdsim.crowd.kernels.layout import Target
 from crowdsim.crowd.kernels.lying import axis_of, is_on_floor
+from crowdsim.crowd.kernels.positions import position_of
 from crowdsim.jit import kernel
 
 BEYOND = 0.45  # how far beyond head and feet of a body a way still leads over it [m]
@@ -15,7 +16,7 @@ BODIES = 2  # how many bodies, one after another, a way leads around
 @kernel
 def go_around(model, avatars, own, target, observed, q):
     """Return a target where it is, or as far away, but in the direction of the way around the first body before it."""
-    x, z = avatars.x[own], avatars.z[own]
+    x, z = position_of(avatars, own)
     dx, dz = target.x - x, target.z - z
     far = math.sqrt(dx * dx + dz * dz)
     for _ in range(BODIES):

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from crowdsim.core.angles import cos_sin
+from crowdsim.crowd.kernels.positions import position_of, way_between
 from crowdsim.jit import kernel
 
 BEHIND = 0.8  # how much further away an opponent counts that is behind than one ahead [m]
@@ -22,7 +23,8 @@ def observe_all(avatars, present, due, count, reach, observed, distances, hits):
     limit = reach * reach
     for q in range(count):
         own = due[q]
-        x, z, skip = avatars.x[own], avatars.z[own], avatars.skip[own]
+        x, z = position_of(avatars, own)
+        skip = avatars.skip[own]
         for i in range(present):
             dx, dz = avatars.x[i] - x, avatars.z[i] - z
             distances[i] = dx * dx + dz * dz
@@ -116,7 +118,7 @@ def change_opponent(avatars, cohorts, now, own, observed, q):
 @kernel(inline=True)
 def _nearer(avatars, frame, own, j, best, found):
     """Return an avatar where it seems nearer than the one found before, and how far away; else those."""
-    dx, dz = avatars.x[j] - avatars.x[own], avatars.z[j] - avatars.z[own]
+    dx, dz = way_between(avatars, own, j)
     most = best + (HIT if avatars.fight[own].hit_by == avatars.number[j] else 0.0)
     # Only the avatar that has just hit this one counts as nearer than it is; most others are too far away.
     if most >= 0.0 and dx * dx + dz * dz <= most * most:
@@ -133,7 +135,7 @@ def _seems_far(avatars, frame, own, j):
     Facing one another takes time, so it counts where both look. An avatar that fights another one seems further, and
     one that has just hit the avatar nearer: fights become those of two, and few are hit from behind.
     """
-    dx, dz = avatars.x[j] - avatars.x[own], avatars.z[j] - avatars.z[own]
+    dx, dz = way_between(avatars, own, j)
     far = math.sqrt(dx * dx + dz * dz)
     part = 0.5 / max(far, 1e-9)
     cos, sin = cos_sin(avatars.heading[own])

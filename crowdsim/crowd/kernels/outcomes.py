@@ -9,12 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowdsim.core.angles import cos_sin
 from crowdsim.core.bodies import PosedBody, comes_through, lands_on_posed_body
+from crowdsim.crowd.kernels.bases import base_of, from_base
 from crowdsim.crowd.kernels.guards import meet_guard
 from crowdsim.crowd.kernels.layout import BLOCKED, EVADED, LANDED, MISSED
-from crowdsim.crowd.kernels.postures import Standing, posed_body, standing
+from crowdsim.crowd.kernels.postures import posed_body, standing, standing_now
 from crowdsim.jit import kernel
+
+NOTED = 8  # strikes of an action of which is noted whether they would have landed; others are not evaded
 
 
 class Strike(NamedTuple):
@@ -40,26 +42,31 @@ class Strike(NamedTuple):
 
 
 @kernel(inline=True)
-def note_seen(model, avatars, world, now, own):
-    """Let an avatar that has chosen strikes note what its opponent is like.
+def note_seen(model, avatars, targets, now, own, action):
+    """Let an avatar note which strikes of the action that it has chosen would land on its opponent as that is now.
 
-    Decisions take the two records of ``Avatars.seen`` in turns: strikes of the action before are listed when the next
-    one has begun.
+    That is a bit for each of the first ``NOTED`` strikes. Decisions take the two entries of ``Avatars.seen`` in turns:
+    strikes of the action before are listed when the next one has begun.
     """
-    motion = avatars.motion
-    actions = model.actions
-    opponent = avatars.fight[own].next_opponent
-    seen = avatars.seen[avatars.number[own], avatars.fight[own].decisions & 1]
+    actions, sizes, opponent = model.actions, model.sizes, avatars.fight[own].next_opponent
     j = np.int64(avatars.slot_of[opponent]) if opponent >= 0 else np.int64(now.present)
-    if opponent <= -2:
-        target = world.targets[now.moment, -2 - opponent]
-        seen.x, seen.z, seen.turn, seen.frame = target[0], target[2], target[1], 0.0
-    elif j < now.present:
-        done = min(motion[j].phase, np.float64(actions[motion[j].action].length))
-        frame = actions[motion[j].action].origin + done * model.policies[avatars.policy[j]].stride
-        seen.x, seen.z, seen.turn, seen.frame = avatars.x[j], avatars.z[j], avatars.heading[j], frame
-    else:
-        seen.frame = -1.0
+    seen = 0
+    if opponent <= -2 or j < now.present:
+        size, tolerance = np.float64(avatars.playback[own].scale), sizes[avatars.policy[own]].tolerance
+        if opponent <= -2:
+            target = targets[now.moment, -2 - opponent]
+            body = ball_at(model, avatars, own, target[0], target[1], target[2])
+        else:
+            body = posed_body(model, standing_now(model, avatars, j))
+        base_x, base_z, cos, sin, _ = base_of(model, avatars, own, action, np.float64(avatars.heading[own]))
+        first = actions[action].strikes
+        for k in range(first, min(actions[action + 1].strikes, first + NOTED)):
+            strike = model.strikes[k]
+            px, pz = from_base(model, action, base_x, base_z, cos, sin, strike.x, strike.z)
+            origin = from_base(model, action, base_x, base_z, cos, sin, strike.from_x, strike.from_z)
+            thrown = Strike(k, action, opponent, (px, strike.y * size, pz), origin, 0.0, False)
+            seen |= np.int64(_hits(thrown, body, tolerance * size)) << (k - first)
+    avatars.seen[avatars.number[own], avatars.fight[own].decisions & 1] = seen
 
 
 @kernel(inline=True)
@@ -68,21 +75,21 @@ def judge(model, avatars, targets, now, i, thrown):
     sizes = model.sizes
     tolerance = sizes[avatars.policy[i]].tolerance * avatars.playback[i].scale
     seen = avatars.seen[avatars.number[i], (avatars.fight[i].decisions + (0 if thrown.old else 1)) & 1]
-    x, z, turn, frame = np.float64(seen.x), np.float64(seen.z), np.float64(seen.turn), np.float64(seen.frame)
+    noted = thrown.strike - model.actions[thrown.action].strikes
+    evaded = noted < NOTED and (seen >> noted) & 1 != 0
     if thrown.opponent <= -2:
         before, after = targets[now.moment - 1, -2 - thrown.opponent], targets[now.moment, -2 - thrown.opponent]
         hx, hz = before[0] + thrown.share * (after[0] - before[0]), before[2] + thrown.share * (after[2] - before[2])
         hy = before[1] + thrown.share * (after[1] - before[1])
         if _hits(thrown, ball_at(model, avatars, i, hx, hy, hz), tolerance):
             return LANDED, thrown.point
-        evaded = frame >= 0.0 and _hits(thrown, ball_at(model, avatars, i, x, turn, z), tolerance)
         return EVADED if evaded else MISSED, thrown.point
     j = np.int64(avatars.slot_of[thrown.opponent]) if thrown.opponent >= 0 else np.int64(now.present)
     if j >= now.present:
         return MISSED, thrown.point
-    whose, size = avatars.policy[j], avatars.playback[j].scale
+    whose, size = avatars.policy[j], np.float64(avatars.playback[j].scale)
     # As far as a body reaches, and moves in a frame: most strikes that miss are not even near.
-    width = avatars.motion[j].width
+    width = np.float64(avatars.motion[j].width)
     far = max(size, width) * sizes[whose].reach + tolerance
     if _is_near(thrown, avatars.x[j], avatars.z[j], far + size * avatars.motion[j].speed * sizes[whose].pace):
         stands = standing(model, avatars, j, thrown.share)
@@ -90,11 +97,7 @@ def judge(model, avatars, targets, now, i, thrown):
         if _hits(thrown, body, tolerance):
             blocked, point = meet_guard(model, avatars, i, j, thrown, body, stands)
             return BLOCKED if blocked else LANDED, point
-    if frame < 0.0 or not _is_near(thrown, x, z, far):
-        return MISSED, thrown.point
-    cos, sin = cos_sin(turn)
-    then = Standing(frame, x, z, size, cos * size, sin * size, whose, width)
-    return EVADED if _hits(thrown, posed_body(model, then), tolerance) else MISSED, thrown.point
+    return EVADED if evaded else MISSED, thrown.point
 
 
 @kernel(inline=True)

@@ -2,11 +2,14 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.bodies import PosedBody
 from crowdsim.crowd.kernels.bases import base_at, base_before
 from crowdsim.crowd.kernels.interpolation import ground_at, point_at
 from crowdsim.crowd.kernels.layout import HEAD, NECK, PELVIS
+from crowdsim.crowd.kernels.positions import position_of
 from crowdsim.jit import kernel
 
 
@@ -56,9 +59,20 @@ def standing(model, avatars, j, share):
     frame = actions[action].origin + phase * model.policies[avatars.policy[j]].stride
     gx, gz, heading = ground_at(model.ground, frame)
     x, z = bx + gx * cos + gz * sin, bz - gx * sin + gz * cos
-    size = playback[j].scale
+    size = np.float64(playback[j].scale)
     cos, sin = cos_sin(turn + heading)
-    return Standing(frame, x, z, size, cos * size, sin * size, avatars.policy[j], motion[j].width)
+    return Standing(frame, x, z, size, cos * size, sin * size, avatars.policy[j], np.float64(motion[j].width))
+
+
+@kernel(inline=True)
+def standing_now(model, avatars, j):
+    """Return where an avatar is in this frame."""
+    motion, action = avatars.motion[j], model.actions[avatars.motion[j].action]
+    frame = action.origin + min(motion.phase, action.length) * model.policies[avatars.policy[j]].stride
+    x, z = position_of(avatars, j)
+    size = np.float64(avatars.playback[j].scale)
+    cos, sin = cos_sin(avatars.heading[j])
+    return Standing(frame, x, z, size, cos * size, sin * size, avatars.policy[j], np.float64(motion.width))
 
 
 @kernel(inline=True)

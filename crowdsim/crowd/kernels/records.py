@@ -28,7 +28,7 @@ def records(rows, dtype):
 _F8, _F4, _I4, _I2, _I1 = np.float64, np.float32, np.int32, np.int16, np.int8
 
 MOTION = np.dtype([
-    *_fields(_F8, "end_x", "end_z", "halt_x", "halt_z", "width", "phase", "speed"),
+    *_fields(_F4, "end_x", "end_z", "halt_x", "halt_z", "width", "phase", "speed"),
     *_fields(_I4, "action"),
 ])  # fmt: skip
 """What others see of an avatar's motion.
@@ -43,7 +43,7 @@ MOTION = np.dtype([
 """
 
 PLAYBACK = np.dtype([
-    *_fields(_F8, "base_turn", "phase_before", "scale"),
+    *_fields(_F4, "base_turn", "phase_before", "scale"),
     *_fields(_I4, "action_before"),
     *_fields(_I2, "cohort", "pending"),
 ])  # fmt: skip
@@ -59,8 +59,9 @@ PLAYBACK = np.dtype([
 """
 
 FIGHT = np.dtype([
-    *_fields(_F8, "rested", "hit_x", "hit_z"),
-    *_fields(_I4, "hit_frame", "next_opponent", "decisions", "hit_by", "thrown", "thrown_until"),
+    *_fields(_F4, "rested", "hit_x", "hit_z"),
+    *_fields(_I4, "hit_frame", "next_opponent", "decisions", "hit_by", "thrown_until"),
+    *_fields(_I2, "thrown"),
     *_fields(_I1, "burst", "threat"),
 ])  # fmt: skip
 """What the decisions of an avatar read; others see its opponent-to-be and its strikes.
@@ -77,7 +78,7 @@ FIGHT = np.dtype([
     threat: How far away its attackers were when it decided (``core.threats``), -1 where it saw a strike coming.
 """
 
-SLIDE = np.dtype(_fields(_F8, "x", "z"))
+SLIDE = np.dtype(_fields(_F4, "x", "z"))
 """How far a body slides while it falls [m]."""
 
 CONDITION = np.dtype(
@@ -116,10 +117,6 @@ CONDITION = np.dtype(
     travel, leg: 1 more than the number of its path (``Crowd.travels``), else 0, and which point of that is next.
 """
 
-SEEN = np.dtype(_fields(_F4, "x", "z", "turn", "frame"))
-"""What an opponent was like when an avatar chose to strike it: position [m], heading [rad] and playback frame; of a
-scripted target the height [m] instead of the heading. The frame is -1 where there was no opponent."""
-
 COHORT = np.dtype(
     _fields(_F8, "margin", "most", "temperature", "hysteresis", "interval", "variety", "defence", "reaction")
 )
@@ -157,6 +154,10 @@ into it (``policy.Actions.costs``)."""
 
 PLACE = np.dtype(_fields(_F8, "x", "z", "heading"))
 """A ground transform: position [m] and heading [rad]."""
+
+SPAN = np.dtype(_fields(_F4, "x", "z", "radius"))
+"""A circle around a body during an action, with the room that it needs: its middle, as ``Model.ground`` has positions,
+and its radius [m]."""
 
 POINT = np.dtype(_fields(_F4, "x", "z"))
 """A point on the ground [m]."""

@@ -9,6 +9,7 @@ from crowdsim.crowd.kernels.bases import over_ground
 from crowdsim.crowd.kernels.damage import apply_damage
 from crowdsim.crowd.kernels.layout import AHEAD, BLOCKED, LANDED, MISSED
 from crowdsim.crowd.kernels.outcomes import Strike, judge
+from crowdsim.crowd.kernels.positions import position_of, way_between
 from crowdsim.crowd.kernels.prefetch import prefetch, prefetch_avatar
 from crowdsim.jit import kernel
 from crowdsim.places.kernels.distance import is_way_free
@@ -90,12 +91,14 @@ def note_hits(model, avatars, frame, strikes, first, last):
         strength = strikes[k].speed / model.sizes[avatars.policy[i]].strong
         strength *= FOOT if strikes[k].limb in LEGS else 1.0
         strength *= GUARDED if outcome == BLOCKED else 1.0
-        strength *= avatars.playback[i].scale ** 3
-        dx, dz = avatars.x[j] - avatars.x[i], avatars.z[j] - avatars.z[i]
+        strength *= np.float64(avatars.playback[i].scale) ** 3
+        dx, dz = way_between(avatars, i, j)
         part = strength / max(math.sqrt(dx * dx + dz * dz), 1e-9)
-        hit_x, hit_z = part * dx, part * dz
+        # As it is stored: so the strongest hit does not depend on the order.
+        hit_x, hit_z = np.float64(np.float32(part * dx)), np.float64(np.float32(part * dz))
         if fight[j].hit_frame == frame:
-            more = hit_x * hit_x + hit_z * hit_z - fight[j].hit_x ** 2 - fight[j].hit_z ** 2
+            old_x, old_z = np.float64(fight[j].hit_x), np.float64(fight[j].hit_z)
+            more = (hit_x * hit_x + hit_z * hit_z) - (old_x * old_x + old_z * old_z)
             if more < 0.0 or (more == 0.0 and fight[j].hit_by < attacker):
                 continue
         fight[j].hit_by = attacker
@@ -137,19 +140,19 @@ def _list_strikes(model, avatars, world, now, i, old, out, held):
         if held < out.shape[0]:
             strike, reach = out[held], model.strikes[k]
             px, pz = over_ground(model, avatars, i, part.action, old, reach.x, reach.z)
-            py = reach.y * avatars.playback[i].scale
+            scale = np.float64(avatars.playback[i].scale)
+            py = reach.y * scale
             origin = over_ground(model, avatars, i, part.action, old, reach.from_x, reach.from_z)
             strike.attacker, strike.victim, strike.limb = avatars.number[i], part.opponent, np.int32(reach.limb)
             strike.down, strike.damage = 0, 0.0
             # Between two frames, and as exact as a number that is written: landing is judged then.
             strike.frame = now.frame - 1.0 + (time - part.low + part.passed) / part.motion
-            strike.speed = reach.speed * avatars.playback[i].scale * avatars.motion[i].speed
+            strike.speed = reach.speed * scale * avatars.motion[i].speed
             share = strike.frame - (now.frame - 1.0)
             thrown = Strike(k, part.action, part.opponent, (px, py, pz), origin, share, old)
             strike.outcome, end = judge(model, avatars, world.targets, now, i, thrown)
-            if strike.outcome != MISSED and not is_way_free(
-                world.places, now.frame, avatars.x[i], avatars.z[i], px, pz, 0.0, py
-            ):
+            x, z = position_of(avatars, i)
+            if strike.outcome != MISSED and not is_way_free(world.places, now.frame, x, z, px, pz, 0.0, py):
                 strike.outcome, end = MISSED, thrown.point
             strike.x, strike.y, strike.z = end
         held += 1

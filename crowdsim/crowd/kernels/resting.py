@@ -12,6 +12,7 @@ from crowdsim.core.angles import cos_sin
 from crowdsim.crowd.kernels.arena import outside
 from crowdsim.crowd.kernels.falling import last_frame
 from crowdsim.crowd.kernels.layout import DROPS, RESTS, RISING
+from crowdsim.crowd.kernels.positions import end_of
 from crowdsim.crowd.kernels.walking import WALLS, free_walk, is_free, sets_off
 from crowdsim.jit import kernel
 
@@ -73,10 +74,10 @@ def nearest_rest(model, avatars, world, now, own):
     opponent, wanted, x, z = avatars.fight[own].next_opponent, 0.0, 0.0, 0.0
     if opponent >= 0 and avatars.slot_of[opponent] < now.present:
         j = avatars.slot_of[opponent]
-        x, z = avatars.motion[j].end_x, avatars.motion[j].end_z
+        x, z = end_of(avatars, j)
         wanted = own_share(avatars, world, own, j)
     cos, sin = cos_sin(avatars.heading[own])
-    size = avatars.playback[own].scale
+    size = np.float64(avatars.playback[own].scale)
     found, least = np.int64(-1), math.inf
     for state in range(model.policies[policy].states, model.policies[policy + 1].states):
         enter = np.int64(ways[state].enter)
@@ -106,7 +107,7 @@ def nearest_rest(model, avatars, world, now, own):
 def own_share(avatars, world, own, j):
     """Return how far from its opponent an avatar goes that is to rest [m]: half the way where both go back."""
     row, other = avatars.conditions[avatars.number[own]], avatars.conditions[avatars.number[j]]
-    x, z = avatars.motion[j].end_x, avatars.motion[j].end_z
+    x, z = end_of(avatars, j)
     dx, dz = x - avatars.x[own], z - avatars.z[own]
     far = max(math.sqrt(dx * dx + dz * dz), 1e-6)
     if far >= row.keeps or other.mode != RESTS or other.does == RESTS:

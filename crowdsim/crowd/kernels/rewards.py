@@ -1,11 +1,14 @@
-"""Rewards of the actions of a state, for behaviours whose tables are of states: loops over all of them at once."""
+"""Rewards of the actions of a state, for behaviours whose tables are of states: loops over all of them at once.
+
+What terms give at frames is worked out in single precision, as in training.
+"""
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from crowdsim.core.angles import cos_sin
-from crowdsim.core.exponentials import exponential
+from crowdsim.core.exponentials import faded
 from crowdsim.crowd.kernels.layout import LANES
 from crowdsim.crowd.kernels.tables import whole_lanes
 from crowdsim.jit import kernel
@@ -40,7 +43,7 @@ def add_terms(model, b, options, target, factor, scratch):
         elif kind == ONCE:
             row += 1  # part of ``Model.prices``
         else:
-            row = _add_along_paths(model, b, row, last, options, target, factor, scratch.rows)
+            row = _add_along_paths(model, b, row, last, options, target, factor, scratch.frames)
 
 
 @kernel(inline=True)
@@ -70,16 +73,18 @@ def _build_frames(name, read, gap):
     """Return a kernel that adds what a term of one kind gives to a number for each row of paths."""
 
     def add(paths, first, count, target, term, out):
-        wanted, weight = read(term, np.float64), term.weight
-        x, z, vx, vz, lasts = target.x, target.z, target.vx, target.vz, target.lasts
-        facing_cos, facing_sin = cos_sin(target.heading)
+        wanted, weight = read(term, np.float32), np.float32(term.weight)
+        x, z, vx, vz = np.float32(target.x), np.float32(target.z), np.float32(target.vx), np.float32(target.vz)
+        lasts, impact = np.float32(target.lasts), np.float32(target.impact)
+        cos, sin = cos_sin(target.heading)
+        facing_cos, facing_sin = np.float32(cos), np.float32(sin)
         for k in range(count):
             row = np.uint64(first + k)
-            t = min(np.float64(paths.time[row]), lasts)
+            t = min(paths.time[row], lasts)
             dx, dz = x + t * vx - paths.x[row], z + t * vz - paths.z[row]
-            sin, cos, due = np.float64(paths.sin[row]), np.float64(paths.cos[row]), target.impact - paths.time[row]
-            seen = Seen(dx, dz, sin, cos, facing_sin, facing_cos, due)
-            out[k] += weight * exponential(-gap(seen, wanted))
+            due = impact - paths.time[row]
+            seen = Seen(dx, dz, paths.sin[row], paths.cos[row], facing_sin, facing_cos, due)
+            out[k] += weight * faded(gap(seen, wanted))
 
     return kernel(add, inline=True, name=f"add_rows_of_{name}")
 
@@ -124,7 +129,7 @@ def _add_along_paths(model, b, row, last, options, target, factor, rows):
     begun, end = actions[offset].paths, actions[offset + n].paths
     greatest, count = terms[row].greatest != 0.0, whole_lanes(end - begun)
     for k in range(count):
-        rows[k] = 0.0
+        rows[k] = np.float32(0.0)
     while True:
         _add_rows(terms[row].kind, model.paths, begun, count, target, terms[row], rows)
         row += 1

@@ -17,7 +17,8 @@ from crowdsim.jit import kernel
 
 LATEST = 16  # how many of an avatar's own latest actions are known
 CELL = 3.0  # side of a cell [m]
-NONE = 0xFFFF  # states are kept in 16 bits; instead of a state
+NONE = 0xFF  # an avatar's own states are kept modulo this, in 8 bits; instead of a state
+THROWN = 0x7FFF  # states of strikes are kept in 15 bits
 FRAMES = 0xFF  # frames are kept in 8 bits
 LONG_AGO, RENEWED = 128, 64  # age of marks that are not known any more; in how many frames all of them are looked at
 
@@ -54,7 +55,7 @@ def renew(marks, frame, k):
 def renew_marks(marks, frame):
     """Renew the marks whose turn it is in a frame."""
     first, last = marks_of(marks, frame)
-    for k in range(first, last):
+    for k in range(np.uint64(first), np.uint64(last)):  # no index from the end, so that the loop vectorises
         renew(marks, frame, k)
 
 
@@ -68,9 +69,9 @@ def note_shown(model, avatars, frame, i, action):
     for corner in range(4):
         cell = cell_at(avatars, i, (corner & 1) - 0.5, (corner >> 1) - 0.5)
         avatars.marks[(cell + state) & mask] = frame & FRAMES
-    avatars.shown[number, fight[i].decisions & (LATEST - 1)] = state & NONE
+    avatars.shown[number, fight[i].decisions & (LATEST - 1)] = state % NONE
     if actions[action + 1].strikes > actions[action].strikes:
-        fight[i].thrown = state
+        fight[i].thrown = state & THROWN
         fight[i].thrown_until = frame + np.int64(actions[action].length / avatars.motion[i].speed)
 
 

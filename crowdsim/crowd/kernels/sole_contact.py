@@ -2,9 +2,12 @@
 
 import math
 
+import numpy as np
+
 from crowdsim.core.segments import square_between
 from crowdsim.crowd.kernels.layout import BALL, HEEL, LEFT, RIGHT, RISING
 from crowdsim.crowd.kernels.lying import floor_transform, placed, seen_from
+from crowdsim.crowd.kernels.positions import position_of
 from crowdsim.jit import kernel
 
 CLEAR, BESIDE = 0.03, 0.27  # how far from bodies soles should be on their way, and where an action ends [m]
@@ -23,11 +26,11 @@ def treads_on(model, avatars, own, action, j):
     row = avatars.conditions[avatars.number[j]]
     if row.standing == RISING:
         return 0.0
-    capsules, unit = model.fall_capsules[int(row.fall)], avatars.playback[j].scale
+    capsules, unit = model.fall_capsules[int(row.fall)], np.float64(avatars.playback[j].scale)
     px, pz, turn = floor_transform(model, avatars, j)
-    stands = seen_from(
-        (px, pz, turn, unit), (avatars.x[own], avatars.z[own], avatars.heading[own], avatars.playback[own].scale)
-    )
+    own_x, own_z = position_of(avatars, own)
+    there = (own_x, own_z, np.float64(avatars.heading[own]), np.float64(avatars.playback[own].scale))
+    stands = seen_from((px, pz, turn, unit), there)
     x, z, cos, sin, size = stands
     length, path, origin = actions[action].length, actions[action].paths, actions[action].origin
     stride = model.policies[avatars.policy[own]].stride

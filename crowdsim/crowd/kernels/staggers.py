@@ -9,6 +9,7 @@ from crowdsim.crowd.kernels.confinement import confine
 from crowdsim.crowd.kernels.falling import pick_fall
 from crowdsim.crowd.kernels.knock_downs import leave_action
 from crowdsim.crowd.kernels.layout import BLOCKED, LANDED, STAGGERS, STUMBLES, UP
+from crowdsim.crowd.kernels.positions import way_between
 from crowdsim.crowd.kernels.travelling import travels
 from crowdsim.jit import kernel
 
@@ -62,7 +63,7 @@ def stagger(model, avatars, world, now, thrown, observed):
         action = model.actions[avatars.motion[own].action]
         shown = min(avatars.motion[own].phase, np.float64(action.length)) * model.policies[avatars.policy[own]].stride
         left = np.int64(action.origin + math.floor(shown))
-        nothing = avatars.x[:0]
+        nothing = world.pauses[:0]
         _keep_near(avatars, own, observed, q)
         thrown[q].row = pick_fall(
             model, avatars, world, now.frame, own, STUMBLES, thrown[q].push, left, nothing, observed, q
@@ -89,7 +90,7 @@ def _keep_near(avatars, own, observed, q):
     held = 0
     for k in range(observed.counts[q]):
         j = observed.neighbours[q, k]
-        dx, dz = avatars.x[j] - avatars.x[own], avatars.z[j] - avatars.z[own]
+        dx, dz = way_between(avatars, own, j)
         if dx * dx + dz * dz <= SEES * SEES:
             observed.neighbours[q, held] = j
             held += 1
@@ -99,9 +100,9 @@ def _keep_near(avatars, own, observed, q):
 @kernel(inline=True)
 def _push(model, avatars, j, least):
     """Return how far the last hit throws an avatar off its feet [m]; 0 where it is weaker than ``least``."""
-    square = avatars.fight[j].hit_x ** 2 + avatars.fight[j].hit_z ** 2
-    motion = avatars.motion[j]
-    left = avatars.playback[j].pending - motion.phase
+    x, z = np.float64(avatars.fight[j].hit_x), np.float64(avatars.fight[j].hit_z)
+    square, motion = x * x + z * z, avatars.motion[j]
+    left = avatars.playback[j].pending - np.float64(motion.phase)
     if 0.0 <= left < min(SOON * motion.speed, model.actions[motion.action].length):
         least = min(least, SPOILS)
     return 0.0 if square < least * least else min(PUSH * square, FURTHEST)

@@ -5,6 +5,7 @@ import math
 from crowdsim.crowd.kernels.hidden import way_to
 from crowdsim.crowd.kernels.layout import TRAVELS, Target
 from crowdsim.crowd.kernels.obstacle_steering import go_around
+from crowdsim.crowd.kernels.positions import position_of
 from crowdsim.jit import kernel
 
 AHEAD = 4.0  # how far ahead the point is seen at least, so that an avatar does not halt before it [m]
@@ -23,7 +24,8 @@ def see_way(model, avatars, world, frame, own, observed, q):
     row = avatars.conditions[avatars.number[own]]
     row.does_next = TRAVELS
     avatars.fight[own].next_opponent = -1
-    x, z, size = avatars.x[own], avatars.z[own], avatars.playback[own].scale
+    x, z = position_of(avatars, own)
+    size = avatars.playback[own].scale
     way = Target(row.way_x, LOOKS * size, row.way_z, 0.0, 0.0, 0.0)
     if world.places.parts.shape[0] > 0:
         way = way_to(world.places, frame, x, z, way)

@@ -7,6 +7,7 @@ from crowdsim.core.random import uniform
 from crowdsim.crowd.kernels.arena import outside
 from crowdsim.crowd.kernels.layout import RESTS, Axis
 from crowdsim.crowd.kernels.lying import axis_of, from_axis, is_on_floor
+from crowdsim.crowd.kernels.positions import course_of, position_of, way_between
 from crowdsim.jit import kernel
 from crowdsim.places.kernels.distance import gap_at
 
@@ -52,7 +53,8 @@ def is_free(model, avatars, world, now, own, walk):
     Where an avatar of a lower number that is near may set off in the same frame, no way is free.
     """
     motion, points = avatars.motion, model.walk_points[walk]
-    x, z, size = avatars.x[own], avatars.z[own], avatars.playback[own].scale
+    x, z = position_of(avatars, own)
+    size = np.float64(avatars.playback[own].scale)
     cos, sin = cos_sin(avatars.heading[own])
     cos, sin = cos * size, sin * size
     count = points.shape[0]
@@ -70,8 +72,8 @@ def is_free(model, avatars, world, now, own, walk):
             here = axis_of(model, avatars, j)
             then, clear = here, min(BESIDE, from_axis(here, x, z) - NEARER)
         else:
-            here = Axis(avatars.x[j], avatars.z[j], motion[j].end_x, motion[j].end_z)
-            then = Axis(motion[j].end_x, motion[j].end_z, motion[j].halt_x, motion[j].halt_z)
+            here = course_of(avatars, j)
+            then = Axis(here.to_x, here.to_z, np.float64(motion[j].halt_x), np.float64(motion[j].halt_z))
             if _may_go_first(model, avatars, world, own, j, 2.0 * reach):
                 return False
         if min(from_axis(here, x, z), from_axis(then, x, z)) > reach:
@@ -96,5 +98,5 @@ def _may_go_first(model, avatars, world, own, j, reach):
     row = avatars.conditions[avatars.number[j]]
     if row.does != RESTS or row.mode == RESTS or _drawn(avatars, world, j) >= SETS_OFF:
         return False
-    dx, dz = avatars.x[j] - avatars.x[own], avatars.z[j] - avatars.z[own]
+    dx, dz = way_between(avatars, own, j)
     return dx * dx + dz * dz < reach * reach

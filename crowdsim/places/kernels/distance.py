@@ -2,12 +2,16 @@
 
 import math
 
+import numpy as np
+
 from crowdsim.jit import kernel
 
 REACH = 2.0  # how far from a cell of the grid the parts are that it lists [m]
 CLEAR = 0.3  # how far from obstacles avatars of size 1 are to be placed [m]
 STRETCH = 1.5  # length at most of stretches of ways, each of which is compared with the parts that a cell lists [m]
 ANY_HEIGHT = -1.0  # instead of a height, where every part counts
+CELLS = 32  # cells of a row for which parts near them are found together
+ROUNDING = 1e-3  # more than what rounding changes of distances [m]
 
 
 @kernel(inline=True)
@@ -46,13 +50,19 @@ def part_gap(part, x, z):
 
 
 @kernel(allocates=False)
-def way_gap(part, x, z, to_x, to_z):
-    """Return how far a straight way is from a part, not above 0 where it leads through [m]."""
+def way_gap(part, x, z, to_x, to_z, enough):
+    """Return how far a straight way is from a part, not above 0 where it leads through [m].
+
+    Where that is clearly more than is ``enough`` it is less than the exact distance, but not less than enough.
+    """
     dx, dz = x - part.x, z - part.z
     a, b = dx * part.ux + dz * part.uz, dz * part.ux - dx * part.uz
     dx, dz = to_x - x, to_z - z
     along, across = dx * part.ux + dz * part.uz, dz * part.ux - dx * part.uz
     half_a, half_b = part.half_along, part.half_across
+    beside = max(_beside(a, along, half_a), _beside(b, across, half_b)) - part.radius
+    if beside > max(enough, 0.0):
+        return beside
     if _enters(a, along, half_a, b, across, half_b):
         return -part.radius
     least = min(_square_to(a, b, half_a, half_b), _square_to(a + along, b + across, half_a, half_b))
@@ -64,6 +74,12 @@ def way_gap(part, x, z, to_x, to_z):
         ea, eb = a + share * along - ca, b + share * across - cb
         least = min(least, ea * ea + eb * eb)
     return math.sqrt(least) - part.radius
+
+
+@kernel(inline=True)
+def _beside(a, along, half):
+    """Return how far what reaches from ``a`` by ``along`` is from what reaches half a size to both sides."""
+    return max(min(a, a + along), -max(a, a + along)) - half
 
 
 @kernel(inline=True)
@@ -116,7 +132,7 @@ def clear_ways(parts, starts, ends, room, out):
     """Write whether ways from ``starts`` to ``ends`` (n, 2) keep some room from all parts. Shape (n,)."""
     for i in range(starts.shape[0]):
         for k in range(parts.shape[0]):
-            out[i] &= way_gap(parts[k], starts[i, 0], starts[i, 1], ends[i, 0], ends[i, 1]) >= room
+            out[i] &= way_gap(parts[k], starts[i, 0], starts[i, 1], ends[i, 0], ends[i, 1], room) >= room
 
 
 @kernel(allocates=False)
@@ -129,30 +145,27 @@ def is_way_free(places, frame, x, z, to_x, to_z, room, height):
         return True
     dx, dz = to_x - x, to_z - z
     length = math.sqrt(dx * dx + dz * dz)
-    stations = max(math.ceil(length / STRETCH), 1.0)
-    stretch = length / stations
     ux, uz = dx / max(length, 1e-12), dz / max(length, 1e-12)
-    for station in range(int(stations)):
-        share = (station + 0.5) * stretch
-        cell = cell_at(places.grid, x + share * ux, z + share * uz)
-        if cell < 0 or places.clear[cell] > 0.5 * stretch + room:
-            continue
-        for k in range(places.offsets[cell], places.offsets[cell + 1]):
-            if places.gaps[k] > 0.5 * stretch + room:
-                break
-            part = places.parts[places.listed[k]]
-            px, pz = part.x - x, part.z - z
-            along = min(max(px * ux + pz * uz, 0.0), length)
-            px, pz = px - along * ux, pz - along * uz
-            bound = part.bound + room
-            if px * px + pz * pz > bound * bound or part.height < height or not stands(part, frame):
-                continue
-            gap = way_gap(part, x, z, to_x, to_z)
-            if gap <= 0.0:
-                return False
-            if gap < room and gap < 0.9 * min(part_gap(part, x, z)[0], part_gap(part, to_x, to_z)[0]):
-                return False
-    return True
+    done = 0.0
+    while True:
+        half = 0.5 * min(length - done, STRETCH)
+        cell = cell_at(places.grid, x + (done + half) * ux, z + (done + half) * uz)
+        spare = (places.clear[cell] if cell >= 0 else REACH) - room
+        if spare <= half:
+            for k in range(places.offsets[cell], places.offsets[cell + 1]):
+                if places.gaps[k] > half + room:
+                    break
+                part = places.parts[places.listed[k]]
+                if part.height < height or not stands(part, frame):
+                    continue
+                gap = way_gap(part, x, z, to_x, to_z, room)
+                if gap <= 0.0:
+                    return False
+                if gap < room and gap < 0.9 * min(part_gap(part, x, z)[0], part_gap(part, to_x, to_z)[0]):
+                    return False
+        done += half + max(half, spare)
+        if not done < length:
+            return True
 
 
 @kernel(inline=True)
@@ -162,21 +175,39 @@ def may_be_near(places, x, z, far):
     return cell >= 0 and places.clear[cell] < far
 
 
-@kernel(allocates=False)
+@kernel(inline=True)
+def is_circle_clear(places, x, z, radius):
+    """Return whether a circle is in no obstacle for certain; the grid ends ``REACH`` from the parts."""
+    cell = cell_at(places.grid, x, z)
+    return places.clear[cell] >= radius if cell >= 0 else radius <= REACH
+
+
+@kernel
 def list_parts(parts, grid, reach, offsets, listed, gaps, clear):
     """List the parts within ``reach`` of each cell of a grid, as CSR, with how far they are from it at least.
 
     ``clear`` gets how far cells are from all parts at least. Where ``listed`` has no room parts are only counted.
     Returns how many entries there are.
     """
-    held, half = 0, 0.5 * grid.size
+    held, half, columns = 0, 0.5 * grid.size, int(grid.columns)
     corner = half * math.sqrt(2.0)
     offsets[0] = 0
-    for cell in range(int(grid.columns * grid.rows)):
-        x = grid.x + (cell % int(grid.columns)) * grid.size + half
-        z = grid.z + (cell // int(grid.columns)) * grid.size + half
+    apart, near = np.empty(parts.shape[0]), np.empty(parts.shape[0], np.int64)
+    for cell in range(columns * int(grid.rows)):
+        column = cell % columns
+        x, z = grid.x + column * grid.size + half, grid.z + (cell // columns) * grid.size + half
+        if column % CELLS == 0:
+            # Of some cells in a row the nearest parts, and those within reach, are among these.
+            middle = (min(CELLS, columns - column) - 1) * half
+            for k in range(parts.shape[0]):
+                apart[k] = part_gap(parts[k], x + middle, z)[0]
+            furthest = max(apart.min() + 2.0 * middle, reach + corner + middle) + ROUNDING
+            count = 0
+            for k in range(parts.shape[0]):
+                near[count] = k
+                count += apart[k] <= furthest
         least = math.inf
-        for k in range(parts.shape[0]):
+        for k in near[:count]:
             gap = part_gap(parts[k], x, z)[0]
             least = min(least, gap)
             if gap <= reach + corner:

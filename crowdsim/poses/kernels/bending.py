@@ -14,7 +14,16 @@ from crowdsim.poses.kernels.fists import point_arm
 from crowdsim.poses.kernels.foot_plants import foot_freedom
 from crowdsim.poses.kernels.limb_bounds import LIMBS
 from crowdsim.poses.kernels.limb_moves import END, JOINT, MOVED
-from crowdsim.poses.kernels.limbs import World, bend_limb, distance_between, excess, pose_chain, reach_of, swivel_limb
+from crowdsim.poses.kernels.limbs import (
+    World,
+    bend_limb,
+    distance_between,
+    excess,
+    pose_chain,
+    pose_side,
+    reach_of,
+    swivel_limb,
+)
 from crowdsim.poses.kernels.splines import spline_weights
 
 FIST_LANDS, FOOT_LANDS = 0.06, 0.25
@@ -40,6 +49,50 @@ class Deflections(NamedTuple):
     starts: Array
     times: Array
     limbs: Array
+
+
+@kernel(inline=True)
+def _smooth(found, row, n, weights, first, stop, sums):
+    """Write weighted sums of some numbers of an avatar in a row and in those around it."""
+    away, last = weights.shape[0] // 2, found.shape[0] - 1
+    for k in range(first, stop):
+        sums[k] = found[row, n, k] * weights[away]
+    for j in range(away):
+        before, after = found[max(row - away + j, 0), n], found[min(row + away - j, last), n]
+        for k in range(first, stop):
+            sums[k] += (np.float64(before[k]) + np.float64(after[k])) * weights[j]
+
+
+@kernel
+def smooth_moves(first, stop, found, rows, limbs, feet, columns, moves):
+    """Smooth how far limbs go, and feet by other weights, along the frames of a grid; its ends repeat.
+
+    Args:
+        first: First of the avatars.
+        stop: One past the last.
+        found: How far limbs go, numbers of 4 x 2 x 3 [m]. Shape (R, n, 24), float32.
+        rows: Those that are asked for, ascending; those around them are there. Shape (S,).
+        limbs: Weights of a row and of those before and after it, symmetric. Shape (2 k + 1,).
+        feet: Likewise, no more of them.
+        columns: Where each avatar is written. Shape (n,).
+        moves: Written, where any is not 0 [m]. Shape (S, n or more, 24), float32.
+    """
+    numbers, ends = found.shape[2], MOVED * 3
+    away, sums = limbs.shape[0] // 2, np.empty(numbers)
+    for n in range(first, stop):
+        ahead = until = 0
+        for s in range(rows.shape[0]):
+            # Rows before ``ahead`` are known, and where there is nothing around a row nothing is written.
+            while ahead < found.shape[0] and ahead <= rows[s] + away:
+                if found[ahead, n].any():
+                    until = ahead + away + 1
+                ahead += 1
+            if rows[s] >= until:
+                continue
+            _smooth(found, rows[s], n, limbs, 0, numbers, sums)
+            for limb in range(2, LIMBS):
+                _smooth(found, rows[s], n, feet, limb * ends + 3 * END, limb * ends + 3 * END + 3, sums)
+            moves[s, columns[n]] = sums
 
 
 @kernel(allocates=False)
@@ -81,18 +134,18 @@ def _freedom(deflections, time, n, limb):
 
 
 @kernel(allocates=False)
-def _bend_arm(arms, hand, sizes, root, pose, world, moves, free):
+def _bend_arm(arms, hand, sizes, pose, world, moves, free):
     """Move a wrist, and swivel the elbow, as far as they are deflected."""
     elbow, wrist = world.positions[arms.joints[hand, MIDDLE]], world.positions[arms.joints[hand, LOWER]]
     goal = elbow[0] + moves[JOINT, 0], elbow[1] + moves[JOINT, 1], elbow[2] + moves[JOINT, 2]
     target = wrist[0] + free * moves[END, 0], wrist[1] + free * moves[END, 1], wrist[2] + free * moves[END, 2]
     point_arm(arms, hand, pose, world, target)
-    pose_chain(arms, sizes, root, pose, world)
+    pose_side(arms, hand, sizes, pose, world)
     swivel_limb(arms, hand, pose, world, goal, _ARM_STRAIGHT)
 
 
 @kernel(allocates=False)
-def _bend_leg(legs, foot, sizes, root, pose, world, moves):
+def _bend_leg(legs, foot, sizes, pose, world, moves):
     """Move an ankle as far as its leg reaches, and swivel the knee, as far as they are deflected."""
     hip, knee = world.positions[legs.joints[foot, UPPER]], world.positions[legs.joints[foot, MIDDLE]]
     ankle = world.positions[legs.joints[foot, LOWER]]
@@ -102,7 +155,7 @@ def _bend_leg(legs, foot, sizes, root, pose, world, moves):
         over = excess(distance_between(hip, ankle), wanted, reach_of(a, b, KNEE_LEAST), 0.002 * (a + b))
         # Where the leg is stretched already it still comes as close as it is asked to.
         bend_limb(legs, foot, pose, world, target, wanted - max(over, 0.0))
-        pose_chain(legs, sizes, root, pose, world)
+        pose_side(legs, foot, sizes, pose, world)
     if moves[JOINT].any():
         goal = knee[0] + moves[JOINT, 0], knee[1] + moves[JOINT, 1], knee[2] + moves[JOINT, 2]
         swivel_limb(legs, foot, pose, world, goal, _LEG_STRAIGHT)
@@ -125,25 +178,32 @@ def bend_limbs(first, stop, moments, deflections, plants, sizes, arms, legs, pos
     """
     joints, times = arms.parents.shape[0], moments.times
     world, moves = World(np.empty((joints, 3)), np.empty((joints, 4))), np.empty((LIMBS, MOVED, 3))
+    at = np.zeros(2, np.int64)
     shared = times.shape[1] == 1
     for i in range(first, stop):
         n = moments.columns[i]
+        at[:] = 0
         for t in range(times.shape[0]):
             time, root, pose = times[t, 0 if shared else i], poses.roots[t, i], poses.rotations[t, i]
             if not math.isfinite(root[0]):
                 continue
             _moves_at(deflections.moves, time, n, moves)
+            # A limb that bends leaves the joints above it, and those of the other one, where they are.
+            if moves[:2].any():
+                pose_chain(arms, sizes[n], root, pose, world)
             for hand in range(2):
                 if moves[hand].any():
-                    pose_chain(arms, sizes[n], root, pose, world)
                     free = _freedom(deflections, time, n, hand)
-                    _bend_arm(arms, hand, sizes[n], root, pose, world, moves[hand], free)
+                    _bend_arm(arms, hand, sizes[n], pose, world, moves[hand], free)
+            posed = False
             for foot in range(2):
                 move, kicks = moves[2 + foot, END], _freedom(deflections, time, n, 2 + foot)
-                free, _ = foot_freedom(plants, n, foot, 0, time)
+                free, at[foot] = foot_freedom(plants, n, foot, at[foot], time)
                 _creep_at(deflections.creeps, time, n, foot, free, move)
                 for k in range(3):
                     move[k] *= kicks
                 if moves[2 + foot].any():
-                    pose_chain(legs, sizes[n], root, pose, world)
-                    _bend_leg(legs, foot, sizes[n], root, pose, world, moves[2 + foot])
+                    if not posed:
+                        pose_chain(legs, sizes[n], root, pose, world)
+                        posed = True
+                    _bend_leg(legs, foot, sizes[n], pose, world, moves[2 + foot])

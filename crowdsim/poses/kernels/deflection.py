@@ -7,8 +7,16 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.jit import kernel
-from crowdsim.poses.kernels.capsules import NEAR, are_near, capsule_depth
-from crowdsim.poses.kernels.limb_bounds import LIMBS, bound_limbs, group_of, groups_near, limbs_near
+from crowdsim.poses.kernels.capsules import NEAR, capsule_depth
+from crowdsim.poses.kernels.limb_bounds import (
+    LIMBS,
+    WHOLE,
+    bound_capsules,
+    bound_limbs,
+    boxes_meet,
+    group_of,
+    limbs_near,
+)
 from crowdsim.poses.kernels.limb_moves import END, JOINT, MOVED, keep_bones, keep_leg, limit
 
 ALLOWED = 0.01
@@ -18,11 +26,13 @@ _FOOT_IN = 0.02
 _STANDS = 0.5
 """How free a foot is at the most that stands."""
 _FIST_IN = 0.04
-"""How much deeper a fist may be in what it hits [m]: its middle touches."""
+"""How much deeper the capsule of a fist may be in what it hits [m]: the skin of that is slimmer than capsules."""
 _AT_LAST = 1.001
 """One, and how readily a limb gives way to another one while it lands a strike: that one goes, if it can."""
 _MARGIN, _LEG_MARGIN = 0.05, 0.015
 """How far apart capsules may be that arms, and legs, might be pushed into [m]."""
+_SLACK = 0.001
+"""How much larger boxes are than they have to be, since they are of single numbers [m]."""
 _ENOUGH = 0.0005
 """Depth beyond what is allowed that may be left [m]."""
 _ROUNDS, _STEP = 10, 0.8
@@ -59,18 +69,26 @@ class _Contacts(NamedTuple):
     Attributes:
         own: Capsule of the body. Shape (C,).
         others: The other body, and its capsule. Shape (C, 2).
+        depths: How deep they are in one another [m]. Shape (C,).
         allowed: Depth up to which the body's own capsule leaves it [m]. Shape (C,).
         above: Whether the body's own capsule belongs above it. Shape (C,), bool.
         middles: Where the bodies are on the ground, by x [m]. Shape (N, 2), float32.
-        spheres: Middle and radius of a sphere around each limb of each body, and around its trunk [m]. Shape (N, 5, 4).
+        boxes: Boxes around the limbs of each body, its trunk and all of it, as of ``bound_limbs``. Shape (N, 6, 6).
+        near: A box, and boxes around the capsules of the body's limbs. Shape (1 + K, 6).
+        close: Which limbs of the body may be near each group of another one, a bit for each. Shape (5,).
+        margins: How near capsules are to each limb that are looked at [m]. Shape (4,), float32.
     """
 
     own: Array
     others: Array
+    depths: Array
     allowed: Array
     above: Array
     middles: Array
-    spheres: Array
+    boxes: Array
+    near: Array
+    close: Array
+    margins: Array
 
 
 @kernel(allocates=False)
@@ -113,25 +131,40 @@ def _order_feet(capsules, t, a, i, share, b, j, part, own, theirs):
 
 
 @kernel(allocates=False)
+def _find_close(contacts, n, other):
+    """Note which limbs of a body may be near groups of another one; return whether any is."""
+    boxes, others, found = contacts.boxes[n], contacts.boxes[other], 0
+    if not boxes_meet(boxes[WHOLE], others[WHOLE], contacts.margins[0]):
+        return False
+    for group in range(LIMBS + 1):
+        contacts.close[group] = limbs_near(boxes, others[group], -1, contacts.margins)
+        found |= contacts.close[group]
+    return found != 0
+
+
+@kernel(allocates=False)
 def _add_contacts(capsules, limbs, t, n, other, contacts, count):
     """Note the capsules of limbs that are in another body, or near it; return how many are noted.
 
     Where both can give way, each does its part.
     """
-    spheres, close = contacts.spheres[n], groups_near(contacts.spheres[other], _MARGIN, contacts.spheres[n])
-    for j in range(capsules.counts[other] if close > 0 else 0):
-        if not (close >> group_of(limbs.limbs[other, j])) & 1:
+    box = contacts.near[0]
+    for j in range(capsules.counts[other]):
+        near = contacts.close[group_of(limbs.limbs[other, j])]
+        if near == 0:
             continue
         p, q = capsules.starts[t, other, j], capsules.ends[t, other, j]
-        x, y, z = 0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1]), 0.5 * (p[2] + q[2])
-        near = limbs_near(x, y, z, capsules.bounds[other, j], _MARGIN, spheres)
+        radius = np.float32(max(capsules.radii[other, j, 0], capsules.radii[other, j, 1]))
+        for k in range(3):
+            box[k], box[3 + k] = min(p[k], q[k]) - radius, max(p[k], q[k]) + radius
+        near = limbs_near(contacts.boxes[n], box, near, contacts.margins)
         if near == 0:
             continue
         for i in range(capsules.counts[n]):
             limb = limbs.limbs[n, i]
             if limb < 0 or not (near >> limb) & 1 or count == contacts.own.shape[0]:
                 continue
-            if not are_near(capsules, t, n, i, other, j, _MARGIN):
+            if not boxes_meet(contacts.near[1 + i], box, np.float32(0.0)):
                 continue
             depth, share, part = capsule_depth(
                 capsules.starts[t, n, i], capsules.ends[t, n, i], capsules.radii[n, i],
@@ -152,7 +185,7 @@ def _add_contacts(capsules, limbs, t, n, other, contacts, count):
                     allowed += limbs.landing[t, n, limbs.limbs[n, i]] * _FIST_IN
                 contacts.own[count] = i
                 contacts.others[count, 0], contacts.others[count, 1] = other, j
-                contacts.above[count] = above > 0
+                contacts.above[count], contacts.depths[count] = above > 0, depth
                 theirs = _part_of(limbs, t, n, i, own, other, j, theirs)
                 contacts.allowed[count] = allowed + max(depth - allowed, 0.0) * theirs
                 count += 1
@@ -210,16 +243,28 @@ def _push(capsules, limbs, t, n, contact, contacts, moves, axis):
 @kernel(allocates=False)
 def _find_contacts(capsules, limbs, t, n, order, rank, contacts):
     """Note all capsules that limbs of an avatar are in or near; return how many."""
-    middles, count = contacts.middles, 0
+    middles, count, bounded = contacts.middles, 0, False
     x, z = middles[rank, 0], middles[rank, 1]
     for way in (-1, 1):
         at = rank + way
         # Absent ones are not a number, and end the search too.
         while 0 <= at < order.shape[0] and abs(middles[at, 0] - x) < NEAR:
-            if abs(middles[at, 1] - z) < NEAR:
+            if abs(middles[at, 1] - z) < NEAR and _find_close(contacts, n, order[at]):
+                if not bounded:
+                    bound_capsules(capsules, limbs.limbs[n], t, n, contacts.margins, contacts.near[1:])
+                    bounded = True
                 count = _add_contacts(capsules, limbs, t, n, order[at], contacts, count)
             at += way
     return count
+
+
+@kernel(allocates=False)
+def _are_in(contacts, count):
+    """Return whether any limb is where it should not be."""
+    for contact in range(count):
+        if contacts.above[contact] or contacts.depths[contact] > contacts.allowed[contact] + _ENOUGH:
+            return True
+    return False
 
 
 @kernel
@@ -242,10 +287,16 @@ def deflect_limbs(first, stop, capsules, limbs, order, ranks, asked, moves):
         np.empty(_CONTACTS, np.int64),
         np.empty((_CONTACTS, 2), np.int64),
         np.empty(_CONTACTS, np.float64),
+        np.empty(_CONTACTS, np.float64),
         np.empty(_CONTACTS, np.bool_),
         np.empty((order.shape[1], 2), np.float32),
-        np.empty((order.shape[1], LIMBS + 1, 4)),
+        np.empty((order.shape[1], LIMBS + 2, 6), np.float32),
+        np.empty((1 + capsules.bounds.shape[1], 6), np.float32),
+        np.empty(LIMBS + 1, np.int64),
+        np.empty(LIMBS, np.float32),
     )
+    for limb in range(LIMBS):
+        contacts.margins[limb] = (_MARGIN if limb < 2 else _LEG_MARGIN) - ALLOWED + _SLACK
     axis, own = np.empty((2, 3), np.float32), np.empty((LIMBS, MOVED, 3))
     bounded = -1
     for index in range(first, stop):
@@ -256,11 +307,11 @@ def deflect_limbs(first, stop, capsules, limbs, order, ranks, asked, moves):
             for other in range(order.shape[1]):
                 middle = capsules.starts[t, order[t, other], 0]
                 contacts.middles[other, 0], contacts.middles[other, 1] = middle[0], middle[2]
-                bound_limbs(capsules, limbs.limbs[other], t, other, contacts.spheres[other])
+                bound_limbs(capsules, limbs.limbs[other], t, other, contacts.boxes[other])
         own[:] = 0.0
         if math.isfinite(capsules.starts[t, n, 0, 0]) and not limbs.down[t, n]:
             count = _find_contacts(capsules, limbs, t, n, order[t], ranks[t, n], contacts)
-            for _ in range(_ROUNDS):
+            for _ in range(_ROUNDS if _are_in(contacts, count) else 0):
                 pushed = False
                 for contact in range(count):
                     pushed |= _push(capsules, limbs, t, n, contact, contacts, own, axis)

@@ -189,8 +189,8 @@ def _move_pelvis(legs, x, y, z, root, world):
 
 
 @kernel(inline=True)
-def _plant_pose(footing, now, until, ground, push, low, legs, root, pose, world, asked):
-    """Bring the planted feet of one pose to where they belong.
+def _plant_pose(footing, now, until, ground, push, low, legs, root, pose, world, asked, reaches):
+    """Bring the planted feet of one pose to where they belong, if it ``reaches`` for that.
 
     Foot plants are known ``until`` a time [s]; after it they go on as they are then. The pelvis goes aside by ``push``
     and down by ``low``, and as far as is left of a leg that is too short. Returns how far that is.
@@ -218,13 +218,14 @@ def _plant_pose(footing, now, until, ground, push, low, legs, root, pose, world,
         lack += _measure_lack(legs, foot, world, asked)
     room = max(DOWN * now.scale - low, 0.001) if lack > 0.0 else UP * now.scale
     drop = room * math.tanh(lack / room)
-    _move_pelvis(legs, 0.0, -drop, 0.0, root, world)
-    _reach_goals(legs, pose, world, asked)
+    if reaches:
+        _move_pelvis(legs, 0.0, -drop, 0.0, root, world)
+        _reach_goals(legs, pose, world, asked)
     return drop
 
 
 @kernel
-def plant_feet(first, stop, moments, playback, rows, pushes, lows, footing, legs, drops, poses):
+def plant_feet(first, stop, moments, playback, rows, pushes, lows, footing, legs, reaches, drops, poses):
     """Bring planted feet to where they belong, in place.
 
     Args:
@@ -237,6 +238,7 @@ def plant_feet(first, stop, moments, playback, rows, pushes, lows, footing, legs
         lows: How far they go down [m], likewise.
         footing: A ``Footing``.
         legs: A ``motion.Limbs``.
+        reaches: Whether legs reach for that; if not, poses are of no further use, only ``drops`` are.
         drops: Written: how far pelvises go down beyond that [m]. Shape (T, n).
         poses: Changed, a ``Posed``.
     """
@@ -270,5 +272,5 @@ def plant_feet(first, stop, moments, playback, rows, pushes, lows, footing, legs
             push, low = spline_at(pushes, time, n), spline_of(lows, time, n)
             root, pose = poses.roots[t, i], poses.rotations[t, i]
             drops[t, i] = _plant_pose(
-                footing, now, until, playback.ground[t, i], push, low, legs, root, pose, world, asked
+                footing, now, until, playback.ground[t, i], push, low, legs, root, pose, world, asked, reaches
             )

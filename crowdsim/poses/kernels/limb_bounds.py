@@ -1,4 +1,4 @@
-"""Compiled spheres around limbs and trunks, by which capsules are passed over that are far from one another."""
+"""Compiled boxes around limbs and trunks, by which capsules are passed over that are far from one another."""
 
 import math
 
@@ -8,6 +8,8 @@ from crowdsim.jit import kernel
 
 LIMBS = 4
 """Limbs of a body: left and right arm, left and right leg. With the trunk behind them they are its groups."""
+WHOLE = LIMBS + 1
+"""Row of the box around all of a body, behind those around its groups."""
 
 
 @kernel(inline=True)
@@ -17,51 +19,76 @@ def group_of(limb):
 
 
 @kernel(allocates=False)
-def bound_limbs(capsules, limbs, t, n, spheres):
-    """Write spheres around the limbs of an avatar and its trunk; the radius of what has no capsules is -1.
+def bound_limbs(capsules, limbs, t, n, boxes):
+    """Write boxes around the limbs of an avatar, around its trunk and around all of it.
 
     Args:
         capsules: A ``Capsules``.
         limbs: Limb of each capsule of the avatar, -1 for those of the trunk. Shape (K,).
         t: The time.
         n: The avatar.
-        spheres: Written: middle and radius of each group [m]. Shape (5, 4).
+        boxes: Written: least x, y and z, and greatest [m]; of what has no capsules, infinitely far. Shape (6, 6).
     """
-    spheres[:] = 0.0
-    spheres[:, 3] = -1.0
+    boxes[:, :3] = math.inf
+    boxes[:, 3:] = -math.inf
     for i in range(capsules.counts[n]):
-        p, q, sphere = capsules.starts[t, n, i], capsules.ends[t, n, i], spheres[group_of(limbs[i])]
-        x, y, z = 0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1]), 0.5 * (p[2] + q[2])
-        if sphere[3] < 0.0:
-            sphere[0], sphere[1], sphere[2], sphere[3] = x, y, z, capsules.bounds[n, i]
-            continue
-        x, y, z = x - sphere[0], y - sphere[1], z - sphere[2]
-        far = math.sqrt(x * x + y * y + z * z)
-        more = 0.5 * (far + capsules.bounds[n, i] - sphere[3])
-        if more > 0.0:
-            part = min(more / max(far, 1e-9), 1.0)
-            sphere[0] += part * x
-            sphere[1] += part * y
-            sphere[2] += part * z
-            sphere[3] = max(sphere[3] + more, capsules.bounds[n, i]) + 1e-6
-
-
-@kernel(inline=True)
-def limbs_near(x, y, z, bound, margin, spheres):
-    """Return which limbs a sphere may be nearer than a margin [m], a bit for each; spheres has shape (4 or more, 4)."""
-    near = 0
-    for limb in range(LIMBS):
-        dx, dy, dz = x - spheres[limb, 0], y - spheres[limb, 1], z - spheres[limb, 2]
-        reach = spheres[limb, 3] + bound + margin
-        near |= np.int64(spheres[limb, 3] >= 0.0 and dx * dx + dy * dy + dz * dz <= reach * reach) << limb
-    return near
+        p, q, box = capsules.starts[t, n, i], capsules.ends[t, n, i], boxes[group_of(limbs[i])]
+        radius = np.float32(max(capsules.radii[n, i, 0], capsules.radii[n, i, 1]))
+        for k in range(3):
+            box[k] = min(box[k], min(p[k], q[k]) - radius)
+            box[3 + k] = max(box[3 + k], max(p[k], q[k]) + radius)
+    whole = boxes[WHOLE]
+    for group in range(WHOLE):
+        for k in range(3):
+            whole[k] = min(whole[k], boxes[group, k])
+            whole[3 + k] = max(whole[3 + k], boxes[group, 3 + k])
 
 
 @kernel(allocates=False)
-def groups_near(groups, margin, spheres):
-    """Return which groups of a body may be near a limb of another one, a bit for each; spheres are of shape (5, 4)."""
+def bound_capsules(capsules, limbs, t, n, margins, boxes):
+    """Write boxes around the capsules of an avatar's limbs.
+
+    Args:
+        capsules: A ``Capsules``.
+        limbs: Limb of each capsule of the avatar, -1 for those of the trunk. Shape (K,).
+        t: The time.
+        n: The avatar.
+        margins: How far boxes go beyond capsules of each limb [m]. Shape (4,).
+        boxes: Written, as of ``bound_limbs``; those of the trunk are not. Shape (K, 6).
+    """
+    for i in range(capsules.counts[n]):
+        if limbs[i] >= 0:
+            p, q, box = capsules.starts[t, n, i], capsules.ends[t, n, i], boxes[i]
+            radius = np.float32(max(capsules.radii[n, i, 0], capsules.radii[n, i, 1]) + margins[limbs[i]])
+            for k in range(3):
+                box[k] = min(p[k], q[k]) - radius
+                box[3 + k] = max(p[k], q[k]) + radius
+
+
+@kernel(inline=True)
+def boxes_meet(box, other, margin):
+    """Return whether two boxes are no further apart than a margin along any axis of the world [m]."""
+    return (
+        (box[0] - other[3] <= margin)
+        & (other[0] - box[3] <= margin)
+        & (box[2] - other[5] <= margin)
+        & (other[2] - box[5] <= margin)
+        & (box[1] - other[4] <= margin)
+        & (other[1] - box[4] <= margin)
+    )
+
+
+@kernel(inline=True)
+def limbs_near(limbs, box, among, margins):
+    """Return which limbs of a body, ``among`` some, may be near a box, a bit for each.
+
+    Args:
+        limbs: Boxes around them. Shape (4 or more, 6).
+        box: The box. Shape (6,).
+        among: A bit for each limb that counts.
+        margins: How near is near, for each limb [m]. Shape (4,).
+    """
     near = 0
-    for group in range(LIMBS + 1):
-        x, y, z, bound = groups[group, 0], groups[group, 1], groups[group, 2], groups[group, 3]
-        near |= np.int64(bound >= 0.0 and limbs_near(x, y, z, bound, margin, spheres) > 0) << group
-    return near
+    for limb in range(LIMBS):
+        near |= np.int64(boxes_meet(limbs[limb], box, margins[limb])) << limb
+    return near & among

@@ -34,25 +34,38 @@ class World(NamedTuple):
     rotations: NDArray[np.float64]
 
 
+@kernel(inline=True)
+def _pose_joint(limbs, sizes, j, pose, world):
+    """Write position and rotation in the world of a joint that hangs on another one."""
+    positions, rotations, p = world.positions, world.rotations, limbs.parents[j]
+    o, q, size = limbs.offsets[j], rotations[j], sizes[limbs.segments[p]]
+    x, y, z = rotate(rotations[p], o[0] * size, o[1] * size, o[2] * size)
+    positions[j, 0] = positions[p, 0] + x
+    positions[j, 1] = positions[p, 1] + y
+    positions[j, 2] = positions[p, 2] + z
+    q[0], q[1], q[2], q[3] = multiply(rotations[p], pose[j])
+
+
 @kernel(allocates=False)
 def pose_chain(limbs, sizes, root, pose, world):
     """Write positions and rotations in the world of the joints of a chain; ``sizes`` (3,) are as of ``Rows``."""
-    positions, rotations = world.positions, world.rotations
     for at in range(limbs.chain.shape[0]):
         j = limbs.chain[at]
-        p = limbs.parents[j]
-        if p < 0:
+        if limbs.parents[j] < 0:
             for k in range(3):
-                positions[j, k] = root[k]
+                world.positions[j, k] = root[k]
             for k in range(4):
-                rotations[j, k] = pose[j, k]
+                world.rotations[j, k] = pose[j, k]
         else:
-            o, q, size = limbs.offsets[j], rotations[j], sizes[limbs.segments[p]]
-            x, y, z = rotate(rotations[p], o[0] * size, o[1] * size, o[2] * size)
-            positions[j, 0] = positions[p, 0] + x
-            positions[j, 1] = positions[p, 1] + y
-            positions[j, 2] = positions[p, 2] + z
-            q[0], q[1], q[2], q[3] = multiply(rotations[p], pose[j])
+            _pose_joint(limbs, sizes, j, pose, world)
+
+
+@kernel(allocates=False)
+def pose_side(limbs, side, sizes, pose, world):
+    """Write positions and rotations in the world of the joints of one limb, as ``pose_chain`` does."""
+    for at in range(limbs.chain.shape[0]):
+        if limbs.sides[at] == side:
+            _pose_joint(limbs, sizes, limbs.chain[at], pose, world)
 
 
 @kernel(inline=True)

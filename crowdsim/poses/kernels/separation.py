@@ -23,8 +23,8 @@ _MOST = 0.3
 _ROUNDS = 6
 """How often bodies are pushed on that are still in one another."""
 AROUND = 8
-"""How many times before and after a time bodies are looked for where they are nearest: who passes through another one
-goes around it on one side, not back and then forward."""
+"""How many times before and after a time, two a control frame, bodies are looked for where they are nearest: one that
+passes through another one goes around it on one side, not back and then forward."""
 _STEEP = 0.35
 """Least cosine of the angle between that way and the way between the bodies that counts: pushes set in gently."""
 _LEFT = 0.01
@@ -103,10 +103,10 @@ def _depth(own, other, radii, others):
 
 
 @kernel(allocates=False)
-def _way_around(points, t, a, b):
-    """Return the way between two bodies, of length 1, where they are nearest within ``AROUND`` times of a time."""
+def _way_around(points, t, a, b, around):
+    """Return the way between two bodies, of length 1, where they are nearest within so many times of a time."""
     least, x, z = math.inf, 0.0, 0.0
-    for at in range(max(t - AROUND, 0), min(t + AROUND, points.shape[0] - 1)):
+    for at in range(max(t - around, 0), min(t + around, points.shape[0] - 1)):
         px, pz = _between(points[at, a], points[at, b])
         qx, qz = _between(points[at + 1, a], points[at + 1, b])
         ux, uz = qx - px, qz - pz
@@ -126,7 +126,7 @@ def _way_around(points, t, a, b):
 
 
 @kernel(allocates=False)
-def _push_pair(points, radii, t, a, b, pushes):
+def _push_pair(points, radii, t, a, b, around, pushes):
     """Add what two bodies push each other away."""
     own, other = points[t, a], points[t, b]
     depth = _depth(own, other, radii[a], radii[b])
@@ -134,7 +134,7 @@ def _push_pair(points, radii, t, a, b, pushes):
         return
     x, z = _between(own, other)
     far = math.sqrt(x * x + z * z)
-    nx, nz = _way_around(points, t, a, b)
+    nx, nz = _way_around(points, t, a, b, around)
     if far < 1e-6 and nx == 0.0 and nz == 0.0:
         return
     if nx == 0.0 and nz == 0.0:
@@ -195,7 +195,7 @@ def find_touching(first, stop, points, radii, order, touching):
 
 
 @kernel
-def push_trunks(first, stop, points, radii, order, times, pushes):
+def push_trunks(first, stop, points, radii, order, times, around, pushes):
     """Find how far bodies are pushed out of one another, at R of T times.
 
     Args:
@@ -205,6 +205,7 @@ def push_trunks(first, stop, points, radii, order, times, pushes):
         radii: Radii of its ``PIECES`` at both ends [m]. Shape (N, 7, 2).
         order: The avatars by x of the pelvis, absent ones last. Shape (R, N).
         times: Which times these are. Shape (R,).
+        around: Within how many times of each the way around another body is found, see ``AROUND``.
         pushes: Written: x and z [m]. Shape (R, N, 2).
     """
     count = order.shape[1]
@@ -222,7 +223,7 @@ def push_trunks(first, stop, points, radii, order, times, pushes):
                 if not xs[j] - xs[i] < NEAR:
                     break
                 if abs(zs[j] - zs[i]) < NEAR:
-                    _push_pair(points, radii, t, own[i], own[j], found)
+                    _push_pair(points, radii, t, own[i], own[j], around, found)
         for n in range(count):
             far = math.sqrt(found[n, 0] ** 2 + found[n, 1] ** 2)
             if far > 0.0:

@@ -41,7 +41,6 @@ class Breathing(Layer):
     """Bends trunks as bodies breathe."""
 
     name = "breathing"
-    size = 0.06
 
     def __init__(self, poser: Scheduler) -> None:
         super().__init__(poser)

@@ -8,20 +8,20 @@ import numpy as np
 
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
+from crowdsim.motion.body import PARTS
 from crowdsim.motion.strikers import CARRIERS
 from crowdsim.poses.capsule_weights import ride_along
-from crowdsim.poses.capsules import PosedBodies, place_capsules, size_capsules
+from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules, size_capsules
 from crowdsim.poses.down_state import fallen_rows, near_fallen
 from crowdsim.poses.hits import Landed, by_column
 from crowdsim.poses.kept import Kept
-from crowdsim.poses.kernels.bending import Deflections, bend_limbs
+from crowdsim.poses.kernels.bending import Deflections, bend_limbs, smooth_moves
 from crowdsim.poses.kernels.deflection import MovingLimbs, deflect_limbs
 from crowdsim.poses.kernels.limb_bounds import LIMBS
 from crowdsim.poses.kernels.limb_moves import END, MOVED
 from crowdsim.poses.kernels.records import Offsets, Posed
 from crowdsim.poses.layer import Block, Part, Reader, Scheduler
 from crowdsim.poses.neighbours import near_avatars
-from crowdsim.poses.smoothing import smooth
 from crowdsim.poses.together import each
 
 _LANDS = 0.1
@@ -32,6 +32,8 @@ _LIMBS = 1.4 * np.array([1.0, 12.0, 66.0, 220.0, 495.0, 792.0, 924.0, 792.0, 495
 _FEET = 1.4 * np.array([1.0, 8.0, 28.0, 56.0, 70.0, 56.0, 28.0, 8.0, 1.0]) / 256.0
 """Weights of what is found for arms and knees, and for feet, at times that follow one another; it is exaggerated, since
 smoothing lowers its peaks. A knee may have to go to one side of a leg at one time, to the other side at the next."""
+_PADDING = 0.02
+"""How much thicker gloves are than their capsules [m]."""
 _CREEP, _WIDE = 0.06, 2
 """How far they go at the most [m], and how long they stay where they have to go, before and after [control frames]."""
 _ASIDE, _BESIDE = 0.25, 1.4
@@ -61,13 +63,15 @@ class Deflection(Reader):
 
     At each time of a grid limbs are pushed out of the bodies that are around; they follow a smooth path along these.
     What that leaves, since limbs do not follow it to the full or others do not do their part, is for another round.
+    From far away they are pushed out of bodies at the times that are shown alone, once.
 
     Attributes:
         planted: How readily planted feet move, of feet in the air; 0 if they do not.
     """
 
     name = "deflection"
-    size = 0.33
+    size = 0.36
+    sparse = 0.13
     needs = ("fists",)
     hops = 0
     planted = 0.3
@@ -80,12 +84,16 @@ class Deflection(Reader):
         frames = max(take.frame_count - 1, 0) * self._fine + 1
         rate, shape = float(take.control_rate * self._fine), (LIMBS, MOVED, 3)
         self.moves = Kept(frames, rate, take.avatar_count, shape, self._find)
+        self._sparse = self.name in poser.coarse
         self._is_on = take.collision_avoidance and take.avatar_count > 1
 
     def lacking(self, avatars: Array, times: Array) -> tuple[Array, Array]:
         """Return those nearby, and times of the grid, at which poses before it are needed."""
         if not self._is_on:
             return avatars, times
+        if self._sparse:
+            rows = np.clip(np.floor(times[[0, -1]] * self.poser.take.control_rate).astype(int), 0, None)
+            return near_avatars(self.poser.take, avatars, int(rows[0]), int(rows[1]) + 2), times
         frames, avatars_missing = self.moves.missing(self._frames(float(times[0]), float(times[-1])), avatars)
         if not len(frames):
             return avatars, times
@@ -96,6 +104,9 @@ class Deflection(Reader):
     def note(self, avatars: Array, posed: Array, times: Array, blocks: list[Block]) -> None:
         """Find moves of avatars (n,) from poses of those around them (m,) at times of the grid among others (T,)."""
         if not self._is_on:
+            return
+        if self._sparse:
+            self._note_shown(avatars, posed, times, blocks)
             return
         frames = np.rint(times * self.moves.rate).astype(np.int64)
         some = np.flatnonzero((frames / self.moves.rate == times) & (frames < self.moves.frames))
@@ -115,46 +126,88 @@ class Deflection(Reader):
         at_once = max(_TIMES_AT_ONCE, POSES_AT_ONCE // len(posed))
         each(find, [some[low : low + at_once] for low in range(0, len(some), at_once)], self.poser.threads)
 
-    def plan(self, part: Part) -> Deflections | None:
-        """Return how far limbs go; None where none does."""
+    def _note_shown(self, avatars: Array, posed: Array, times: Array, blocks: list[Block]) -> None:
+        """Note moves of avatars (n,) from poses of those around them (m,) at the times that are shown (T,)."""
+        moves = np.empty((len(times), len(avatars), LIMBS, MOVED, 3), np.float32)
+        known, at_once = self._bodies_of(posed, blocks), max(_TIMES_AT_ONCE, POSES_AT_ONCE // len(posed))
+
+        def find(low: int) -> None:
+            here = np.arange(low, min(low + at_once, len(times)))
+            moves[here] = self._deflect(times[here], avatars, posed, blocks, here, known)
+
+        each(find, range(0, len(times), at_once), self.poser.threads)
+        for block in blocks:
+            own = posed[block.which]
+            asked = np.isin(own, avatars, assume_unique=True)
+            noted = np.zeros((len(times), len(own), LIMBS, MOVED, 3), np.float32)
+            noted[:, asked] = moves[:, np.searchsorted(avatars, own[asked])]
+            block.part.noted[self.name] = noted
+
+    def plan(self, part: Part) -> list[tuple[slice, Deflections]]:
+        """Return how far limbs go in stretches of the times; nothing where none does."""
         if not self._is_on:
-            return None
+            return []
+        return self._plan_shown(part) if self._sparse else self._plan_smooth(part)
+
+    def _plan_shown(self, part: Part) -> list[tuple[slice, Deflections]]:
+        found, strikes, planned = part.noted[self.name], self._strikes(part), []
+        frames = np.floor(part.moments.times[:, 0] * self.poser.take.control_rate).astype(int)
+        for row in np.flatnonzero(found.any(axis=(1, 2, 3, 4))):
+            here, creeps = slice(row, row + 1), np.zeros((1, found.shape[1], 2, 3), found.dtype)
+            if self.planted:
+                furthest = self._furthest(frames[here], part.window.avatars[part.columns])
+                creeps = _creep(found[here, :, 2:, END], furthest)
+            # Of one row a spline is what is in that, at any time.
+            moves, slow = (Offsets(_spread(values, part), 0, 1.0) for values in (found[here], creeps))
+            planned.append((here, Deflections(moves, slow, *strikes)))
+        return planned
+
+    def _plan_smooth(self, part: Part) -> list[tuple[slice, Deflections]]:
         window, (first, last) = part.window, part.span
         avatars, frames = window.avatars[part.columns], self._frames(first, last)
         found = self.moves.rows(frames, avatars)
         if not found.any():
-            return None
+            return []
         # Where a take begins and ends, its first and its last time stand for those beyond.
         grid, slow, rate = self._grid(first, last), self._slow(first, last), self.poser.take.control_rate
-        fast = found[np.searchsorted(frames, grid)]
-        moves = smooth(fast, _LIMBS)
-        moves[:, :, 2:, END] = smooth(fast[:, :, 2:, END], _FEET)
+        fast = found if len(grid) == len(frames) else found[np.searchsorted(frames, grid)]
         shown = self.moves.around(first, last)
-        moves = moves[shown - grid[0]]
+        moves = np.zeros((len(shown), len(window.avatars), LIMBS, MOVED, 3), np.float32)
+        numbers = fast.reshape(len(fast), len(avatars), -1), moves.reshape(len(shown), len(window.avatars), -1)
+        share(len(avatars), smooth_moves, numbers[0], shown - grid[0], _LIMBS, _FEET, part.columns, numbers[1],
+              threads=window.threads)  # fmt: skip
         if len(slow):
-            beside = near_fallen(self.poser.take, self.poser.motions, slow[0], slow[-1] + 1, avatars, _BESIDE)
             feet = found[np.searchsorted(frames, slow * self._fine)][:, :, 2:, END]
-            creeps = _creep(feet, np.where(beside, _ASIDE, _CREEP))
+            creeps = _creep(feet, self._furthest(slow, avatars))
         else:
             slow, creeps = np.zeros(1, np.int64), np.zeros((1, found.shape[1], 2, 3), found.dtype)
-        columns = window.columns()
-        near = self.poser.landed.around(first, last, columns)
-        near = near.of(~near.missed)
-        order, starts = by_column(columns[near.attackers], len(window.avatars), near.times)
-        return Deflections(
-            Offsets(_spread(moves, part), int(shown[0]), self.moves.rate),
+        deflections = Deflections(
+            Offsets(moves, int(shown[0]), self.moves.rate),
             Offsets(_spread(creeps, part), int(slow[0]), float(rate)),
-            starts,
-            near.times[order],
-            CARRIERS[near.limbs[order]],
+            *self._strikes(part),
         )
+        return [(slice(None), deflections)]
+
+    def _strikes(self, part: Part) -> tuple[Array, Array, Array]:
+        """Return strikes that land, as ``Deflections`` has them."""
+        columns = part.window.columns()
+        near = self.poser.landed.around(*part.span, columns)
+        near = near.of(~near.missed)
+        order, starts = by_column(columns[near.attackers], len(part.window.avatars), near.times)
+        return starts, near.times[order], CARRIERS[near.limbs[order]]
+
+    def _furthest(self, rows: Array, avatars: Array) -> Array:
+        """Return how far planted feet of avatars (n,) go at the most at control frames (R,) [m]. Shape (R, n)."""
+        beside = near_fallen(self.poser.take, self.poser.motions, rows[0], rows[-1] + 1, avatars, _BESIDE)
+        return np.where(beside, _ASIDE, _CREEP)
 
     def apply(self, part: Part, poses: Posed) -> None:
         """Let limbs go."""
-        deflections, window, motion = part.plans[self.name], part.window, part.window.motion
-        if deflections is not None:
-            share(len(part.moments.columns), bend_limbs, part.moments, deflections, window.foot_plants,
-                  window.rows.sizes, motion.arms, motion.legs, poses, threads=window.threads)  # fmt: skip
+        window, motion = part.window, part.window.motion
+        for rows, deflections in part.plans[self.name]:
+            moments, some = part.moments._replace(times=part.moments.times[rows]), Posed(*(one[rows] for one in poses))
+            share(len(moments.columns), bend_limbs, moments, deflections, window.foot_plants,
+                  window.rows.sizes, motion.arms, motion.legs, some, threads=window.threads)  # fmt: skip
 
     def _grid(self, first: float, last: float) -> Array:
         """Frames of the grid that limbs depend on from a time to another one."""
@@ -197,6 +250,13 @@ class Deflection(Reader):
             lengths = cast.stretches[near[which]]
             bodies.append(PosedBodies(body, which, scales[which], girths[which], lengths, unknown, unknown))
         sizes = size_capsules(bodies, len(near))
+        for block in blocks:
+            # Gloves are thicker than their capsules, by their thumbs most.
+            body = self.poser.motions[block.part.policy].body
+            padded = np.flatnonzero(body.capsule_parts[capsule_order(body)] == PARTS.index("glove"))
+            gloved = block.which[~cast.bare[near[block.which]], None]
+            for values in sizes[:2]:
+                values[gloved, padded] += (_PADDING * scales[gloved]).reshape(-1, 1, *(1,) * (values.ndim - 2))
         limbs, weights = np.full(sizes[1].shape, -1, np.int64), np.zeros((*sizes[1].shape, MOVED, 2))
         for block in blocks:
             riding, along = self._riding[block.part.policy]
@@ -247,7 +307,7 @@ class SecondDeflection(Deflection):
     """How far limbs give way to what the first round leaves; planted feet stay."""
 
     name = "second deflection"
-    size = 0.22
+    size = 0.15
     needs = ("deflection",)
     planted = 0.0
 

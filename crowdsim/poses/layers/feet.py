@@ -47,5 +47,7 @@ class Feet(Layer):
         window, (footing, drops), count = part.window, part.plans[self.name], len(part.window.avatars)
         pushes = part.plans.get("separation") or Offsets(np.zeros((1, count, 2), np.float32), 0, 1.0)
         lows = part.plans.get("pelvis") or Offsets(np.zeros((1, count), np.float32), 0, 1.0)
+        # Where it is planned how far pelvises go down, nothing reads the legs.
+        reaches = "pelvis" not in part.without
         share(len(part.moments.columns), plant_feet, part.moments, part.playback, window.rows, pushes, lows, footing,
-              window.motion.legs, drops, poses, threads=window.threads)  # fmt: skip
+              window.motion.legs, reaches, drops, poses, threads=window.threads)  # fmt: skip

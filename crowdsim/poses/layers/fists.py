@@ -17,6 +17,7 @@ from crowdsim.poses.kernels.fists import ELBOW_LEAST, JOINTS, LEAN, MOTION, Land
 from crowdsim.poses.kernels.records import Posed
 from crowdsim.poses.layer import Layer, Part
 from crowdsim.poses.motion import PoseMotion
+from crowdsim.poses.outlines import striker_radii
 from crowdsim.poses.stops import find_stops
 from crowdsim.poses.trunk_assist import leaning_joints, plan_leans
 
@@ -76,12 +77,14 @@ def plan_landings(
     """
     arms = motion.arms
     fists, shoulders, wrists = np.full((3, len(near.times), 3), np.nan)
+    radii, bare = np.zeros(len(near.times)), take.cast.bare[near.attackers]
     posed = pose_at(near.attackers, near.times)
     for which, body, scales, positions, rotations in posed:
         rows, hands = np.arange(len(which)), near.hands[which]
         fists[which] = body_points(body, positions, rotations, scales)[3][rows, hands]
+        radii[which] = striker_radii(body, hands, scales, bare[which])
         shoulders[which], wrists[which] = (positions[rows, arms.joints[hands, k]] for k in (UPPER, LOWER))
-    touched = find_surfaces(take, near, fists, shoulders, struck_at, motion.target, hops < 2, wrists)
+    touched = find_surfaces(take, near, fists, shoulders, radii, struck_at, motion.target, hops < 2, wrists)
     shifts = touched - fists
     length = np.linalg.norm(shifts, axis=-1, keepdims=True)
     shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))

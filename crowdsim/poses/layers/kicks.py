@@ -19,7 +19,8 @@ from crowdsim.poses.kernels.feet import KNEE_LEAST
 from crowdsim.poses.kernels.fists import LEAN
 from crowdsim.poses.kernels.kicks import CarriedFeet, carry_feet
 from crowdsim.poses.kernels.records import FootPlants, Posed
-from crowdsim.poses.layer import Layer, Part
+from crowdsim.poses.layer import Layer, Part, Scheduler
+from crowdsim.poses.outlines import striker_radii
 from crowdsim.poses.window import Window
 
 MOST = 0.35
@@ -41,9 +42,14 @@ class Kicks(Layer):
     name = "kicks"
     size = 0.4
     reach = BLEND
-    needs = ("reactions", "fists")
+    needs: tuple[str, ...] = ("reactions", "fists")
     looks = LEAN + TOGETHER, LEAN + TOGETHER
     hops = 2
+
+    def __init__(self, poser: Scheduler) -> None:
+        super().__init__(poser)
+        if not np.isin(poser.take.events.limb, FEET).any():
+            self.needs = ()
 
     def plan(self, part: Part) -> CarriedFeet | None:
         """Return where feet touch; None without kicks."""
@@ -77,11 +83,13 @@ def plan_kicks(
     """
     joints, sides = window.motion.legs.joints, near.hands
     feet, limbs = np.full((len(near.times), 3), np.nan), np.full((len(near.times), 3, 3), np.nan)
+    radii, bare = np.zeros(len(near.times)), take.cast.bare[near.attackers]
     for which, body, scales, positions, rotations in pose_at(near.attackers, near.times):
         rows = np.arange(len(which))
         feet[which] = body_points(body, positions, rotations, scales)[3][rows, near.limbs[which]]
+        radii[which] = striker_radii(body, near.limbs[which], scales, bare[which])
         limbs[which] = positions[rows[:, None], joints[sides[which]]]
-    shifts = find_surfaces(take, near, feet, limbs[:, 0], struck_at, window.motion.target, shown=True) - feet
+    shifts = find_surfaces(take, near, feet, limbs[:, 0], radii, struck_at, window.motion.target, shown=True) - feet
     length = np.linalg.norm(shifts, axis=-1, keepdims=True)
     shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))
     # Absent avatars have no positions.

@@ -19,7 +19,7 @@ from crowdsim.poses.kernels.fists import LEAN
 from crowdsim.poses.kernels.reaches import Reaches as Turns
 from crowdsim.poses.kernels.reaches import reach_out
 from crowdsim.poses.kernels.records import Posed
-from crowdsim.poses.layer import Layer, Part
+from crowdsim.poses.layer import Layer, Part, Scheduler
 from crowdsim.poses.motion import PoseMotion
 
 MOST = 0.9
@@ -36,8 +36,6 @@ _DAMPED, _STEP = 1e-3, 0.2
 """Damping [m2], and most that a joint turns in a round [rad]."""
 _MOST_TURN = math.radians(70.0)
 """Most that a joint turns [rad]."""
-_GLOVE = 0.06
-"""Radius of a glove, for which ``find_surfaces`` finds how near its middle comes [m]."""
 
 
 class Reaches(Layer):
@@ -45,9 +43,14 @@ class Reaches(Layer):
 
     name = "reaches"
     size = 0.4
-    needs = ("reactions", "fists")
+    needs: tuple[str, ...] = ("reactions", "fists")
     looks = LEAN + TOGETHER, LEAN + TOGETHER
     hops = 2
+
+    def __init__(self, poser: Scheduler) -> None:
+        super().__init__(poser)
+        if np.isin(poser.take.events.limb, HANDS_AND_FEET).all():
+            self.needs = ()
 
     def plan(self, part: Part) -> Turns | None:
         """Return which joints turn; None without such strikes."""
@@ -105,10 +108,7 @@ def plan_reaches(
         frames[which] = rotations[at[:, None], np.maximum(parents[chosen], 0)]
     last = np.argmax(np.cumsum(joints >= 0, axis=1), axis=1)
     origins = pivots[np.arange(len(last)), last]
-    goals = find_surfaces(take, near, points, origins, struck_at, motion.target, shown=True)
-    back = origins - goals
-    back /= np.maximum(np.linalg.norm(back, axis=1, keepdims=True), 1e-9)
-    goals = goals + np.maximum(radii - _GLOVE, 0.0)[:, None] * back
+    goals = find_surfaces(take, near, points, origins, radii, struck_at, motion.target, shown=True)
     shifts = goals - points
     length = np.linalg.norm(shifts, axis=1, keepdims=True)
     shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))

@@ -15,9 +15,9 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.crowd.cast import Cast
-from crowdsim.crowd.kernels.resolve import GUARDED
-from crowdsim.motion.strikers import GROUPS, LEGS, LIMBS
-from crowdsim.poses.contacts import PoseAt, body_points
+from crowdsim.crowd.kernels.resolve import FOOT, GUARDED
+from crowdsim.motion.strikers import LEGS, LIMBS
+from crowdsim.poses.contacts import PoseAt, body_points, surface_point
 from crowdsim.poses.down_state import falls_soon
 from crowdsim.poses.hits import Landed, by_column
 from crowdsim.poses.kernels.columns import HEAD, TORSO
@@ -27,21 +27,20 @@ from crowdsim.poses.layer import Layer, Part, Scheduler
 from crowdsim.poses.limbs import chain_of
 from crowdsim.poses.motion import PoseMotion
 
-_TYPICAL_SPEED, _LEG, _PROP = 6.6, 2.0, 0.4
-"""Speed of a typical strike [m/s], and the effective masses of feet and knees, and of the end of a prop, over that of a
-fist."""
-_EVEN, _STEEP, _MOST = (0.04, 0.06), (0.14, 0.1), (0.44, 0.36)
+_EVEN, _STEEP, _MOST = (0.04, 0.085), (0.108, 0.06), (0.44, 0.36)
 """How far a typical blow brings the head, or the neck of one to the torso: whatever its impulse, by its fourth power,
 and at the most, in a body of scale 1 [m]."""
-_PUSH, _FURTHEST = 0.035, 0.1
+_PUSH, _FURTHEST = 0.031, 0.1
 """How far a typical blow pushes the pelvis, by the square of its impulse, and at the most [m]."""
-_GUARD, _GUARD_GIVES = 0.06, 0.1
+_GUARD, _GUARD_GIVES = 0.056, 0.1
 """How far a typical blow pushes the hand of an arm that stops it, by its impulse, and at the most [m]."""
 _TWIST, _JAW, _LEVER = 0.35, 1.5, 0.1
 """How far a blow turns a head or trunk about the vertical, for what it does about the level, that hits it beside its
 middle; how much more on the jaw; and how far beside it does so to the full [m]."""
 _SWING, _KICK = 0.05, 0.1
 """Time over which the direction of a fist, and of a foot, is measured [s]."""
+_THICK = 0.06
+"""Radius of what strikes, by which it stays out of what it touches [m]."""
 _GIVES = {"spine": (0.13, 0.25), "chest": (0.11, 0.2), "neck": (0.05, -0.1), "head": (0.02, 0.0)}
 """Joints that yield, and by how much in a blow to the head and to the torso [rad]."""
 _LIMITS = {"spine": 0.7, "chest": 0.6, "neck": 0.5, "head": 0.3}
@@ -120,13 +119,22 @@ class BlowPlanner:
         landed: The take's landed and blocked strikes.
         pose_at: Returns the joints of avatars with blends and separation alone.
         trunks: The joints that yield, policy by policy.
+        typical: The speed of typical strikes, policy by policy, see ``PoseMotion.typical`` [m/s].
         cast: The avatars.
         falls: Returns which avatars (E,) are down at times (E,) [s], or will be at once: blows do not show on them.
     """
 
-    def __init__(self, landed: Landed, pose_at: PoseAt, trunks: Sequence[Trunk], cast: Cast, falls: FallsAt) -> None:
+    def __init__(
+        self,
+        landed: Landed,
+        pose_at: PoseAt,
+        trunks: Sequence[Trunk],
+        typical: Sequence[Array],
+        cast: Cast,
+        falls: FallsAt,
+    ) -> None:
         self.landed, self._pose_at, self._trunks, self._cast = landed, pose_at, trunks, cast
-        self._falls = falls
+        self._falls, self._typical = falls, np.array(typical)
         self._found = np.zeros(len(landed.times), _FOUND)
         self._found["shows"] = (landed.victims >= 0) & ~landed.again & ~landed.missed
 
@@ -167,17 +175,21 @@ class BlowPlanner:
         # A fist pushes along its way, and away from who strikes: a hook does both.
         fists, apart = (_unit(np.nan_to_num(way)[:, ::2]) for way in (now - before, hit.heads - striker.pelvises))
         ways = _unit(2.0 * fists + apart)
-        parts = hit.parts(near.points)
+        # Where fists touch, which are carried there from where control has them.
+        head_radii, torso_radii = (hit.radii + _THICK).T
+        outline = hit.heads, hit.necks, hit.pelvises, head_radii, torso_radii
+        touched = surface_point(now, *outline, origin=striker.necks)
+        parts = hit.parts(touched)
         gains = np.array([trunk.gains for trunk in self._trunks])
         gains = gains[np.asarray(self._cast.policies)[near.victims], parts] * hit.sizes
-        impulses = near.speeds / _TYPICAL_SPEED * np.asarray(self._cast.scales, dtype=float)[near.attackers] ** 3
-        impulses *= np.select([np.isin(near.limbs, LEGS), np.isin(near.limbs, GROUPS["props"])], [_LEG, _PROP], 1.0)
-        impulses *= np.where(near.blocked, GUARDED, 1.0)
+        typical = self._typical[np.asarray(self._cast.policies)[near.attackers], near.limbs]
+        impulses = near.speeds / typical * np.asarray(self._cast.scales, dtype=float)[near.attackers] ** 3
+        impulses *= np.where(np.isin(near.limbs, LEGS), FOOT, 1.0) * np.where(near.blocked, GUARDED, 1.0)
         reaches = np.minimum(np.take(_EVEN, parts) + np.take(_STEEP, parts) * impulses**4, np.take(_MOST, parts))
         reaches *= hit.sizes * np.where(near.blocked, GUARDED, 1.0)
         # Up cross direction: rotation about it tips upright vectors in the direction. Trunks fold over what hits them.
         over = np.where(parts == HEAD, 1.0, -1.0)
-        aside = np.nan_to_num(near.points - hit.middles(parts))
+        aside = np.nan_to_num(touched - hit.middles(parts))
         twists = _TWIST * np.clip((aside[:, 2] * ways[:, 0] - aside[:, 0] * ways[:, 1]) / _LEVER, -1.0, 1.0)
         twists *= np.where((parts == HEAD) & (aside[:, 1] < 0.0), _JAW, 1.0)
         axes = np.stack([over * ways[:, 1], twists, -over * ways[:, 0]], axis=1)
@@ -216,7 +228,7 @@ class Reactions(Layer):
 
     name = "reactions"
     size = 0.8
-    reading = 0.22
+    reading = 0.37
     needs = ("separation",)
     looks = (ROUNDS + 1) * LENGTH + _KICK, RISE
     planner = BlowPlanner
@@ -255,7 +267,8 @@ class Reactions(Layer):
         if self._planner is None or self._planner.landed is not poser.landed:
             falls = partial(falls_soon, poser.take, poser.motions)
             pose_at = partial(poser.joints, through=self.needs[0], hops=1)
-            self._planner = self.planner(poser.landed, pose_at, self._trunks, poser.take.cast, falls)
+            typical = [motion.typical for motion in poser.motions]
+            self._planner = self.planner(poser.landed, pose_at, self._trunks, typical, poser.take.cast, falls)
         return self._planner
 
 

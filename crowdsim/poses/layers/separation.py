@@ -50,6 +50,7 @@ class Separation(Layer):
 
     name = "separation"
     size = 0.4
+    sparse = 0.04
     needs = ("blend",)
 
     def __init__(self, poser: Scheduler) -> None:
@@ -63,6 +64,8 @@ class Separation(Layer):
         self._kicks = landed.of(~landed.missed & (np.isin(landed.limbs, LEGS)))
         self._radii[:, 0] *= np.asarray(take.cast.scales, float)[:, None]
         self._radii[:, 1:] *= np.asarray(take.cast.widths, float)[:, None, None]
+        # From far away control frames will do.
+        self._fine = 1 if self.name in poser.coarse else FINE
         self.pushes = Kept(take.frame_count, take.control_rate, take.avatar_count, (2,), self._find)
 
     def prepare(self, avatars: Array, first: float, last: float) -> None:
@@ -89,10 +92,10 @@ class Separation(Layer):
         return found
 
     def _find_some(self, frames: Array, avatars: Array) -> Array:
-        take = self.poser.take
-        last = FINE * (take.frame_count - 1)
-        rows = _around(FINE * frames, FINE, last)
-        near = near_avatars(take, avatars, int(rows[0]) // FINE, -(-int(rows[-1]) // FINE) + 1)
+        take, fine = self.poser.take, self._fine
+        last, around = fine * (take.frame_count - 1), AROUND * fine // FINE
+        rows = _around(fine * frames, fine, last)
+        near = near_avatars(take, avatars, int(rows[0]) // fine, -(-int(rows[-1]) // fine) + 1)
         points, found = self._points(rows, near), np.zeros((len(frames), len(avatars), 2), np.float32)
         touching = np.zeros(len(near), bool)
         self._share(find_touching, len(rows), points, self._radii[near], _by_x(points), touching)
@@ -100,25 +103,26 @@ class Separation(Layer):
         touch = np.flatnonzero(touching)
         if not len(touch):
             return found
-        path, near, points = _around(rows, AROUND, last), near[touch], points[:, touch]
+        path, near, points = _around(rows, around, last), near[touch], points[:, touch]
         here = np.isin(path, rows)
         paths = np.empty((len(path), *points.shape[1:]), np.float32)
         paths[here] = points
         if not here.all():
             paths[~here] = self._points(path[~here], near)
         pushes, pushed = np.empty((*points.shape[:2], 2), np.float32), np.zeros((*paths.shape[:2], 2), np.float32)
-        self._share(push_trunks, len(rows), paths, self._radii[near], _by_x(points), np.flatnonzero(here), pushes)
+        self._share(push_trunks, len(rows), paths, self._radii[near], _by_x(points), np.flatnonzero(here), around,
+                    pushes)  # fmt: skip
         pushed[here] = pushes
         asked, columns = np.flatnonzero(np.isin(avatars, near)), np.flatnonzero(np.isin(near, avatars))
-        found[:, asked] = _widest(pushed)[np.searchsorted(path, FINE * frames)][:, columns]
+        found[:, asked] = _widest(pushed, fine)[np.searchsorted(path, fine * frames)][:, columns]
         return found
 
     def _share(self, kernel: Callable[..., None], times: int, *arguments: Any) -> None:
         share(times, kernel, *arguments, threads=self.poser.threads, least=2)
 
     def _points(self, rows: Array, avatars: Array) -> Array:
-        """Points of bodies in the world, NaN of who is down, ``FINE`` times a control frame. (R, n, 11, 3)."""
-        poser, before, after = self.poser, rows // FINE, -(-rows // FINE)
+        """Points of bodies in the world, NaN of who is down, ``_fine`` times a control frame. (R, n, 11, 3)."""
+        poser, before, after = self.poser, rows // self._fine, -(-rows // self._fine)
         first, stop = int(before[0]), int(after[-1]) + 1
         absent = np.asarray(poser.take.action[first:stop])[:, avatars] < 0
         absent |= fallen_rows(poser.take, poser.motions, first, stop, avatars)
@@ -132,7 +136,7 @@ class Separation(Layer):
             share(len(some), place_points, self._bodies[part.policy], block.poses, scales,
                   poser.take.cast.stretches[avatars[some]], some, points, threads=poser.threads)  # fmt: skip
 
-        poser.stretch(note, avatars[there], rows / (FINE * poser.take.control_rate), self.needs[0], (),
+        poser.stretch(note, avatars[there], rows / (self._fine * poser.take.control_rate), self.needs[0], (),
                       self._trunks)  # fmt: skip
         points[absent] = np.nan
         self._fold_kicking_legs(rows, avatars, points)
@@ -140,7 +144,7 @@ class Separation(Layer):
 
     def _fold_kicking_legs(self, rows: Array, avatars: Array, points: Array) -> None:
         """Shrink legs to their hips around the kicks that they land, so that they do not push away whom they hit."""
-        times = rows / (FINE * self.poser.take.control_rate)
+        times = rows / (self._fine * self.poser.take.control_rate)
         kicks = self._kicks.between(times[0] - FOOT_LANDS, times[-1] + FOOT_LANDS)
         kicks = kicks.of(np.isin(kicks.attackers, avatars))
         for time, attacker, limb in zip(kicks.times, kicks.attackers, kicks.limbs, strict=True):
@@ -191,10 +195,10 @@ def _by_x(points: Array) -> Array:
     return np.argsort(points[:, :, PELVIS_POINT, 0], axis=1, kind="stable")
 
 
-def _widest(pushes: Array) -> Array:
-    """The longest push of each row and of those around it, to a control frame away: poses read them smoothed."""
+def _widest(pushes: Array, fine: int) -> Array:
+    """The longest push of each row and of those up to ``fine`` rows around it: poses read them smoothed."""
     longest, length = pushes.copy(), np.sum(pushes**2, axis=-1)
-    for away in range(1, FINE + 1):
+    for away in range(1, fine + 1):
         for one, other in ((slice(away, None), slice(None, -away)), (slice(None, -away), slice(away, None))):
             further = length[other] > np.sum(longest[one] ** 2, axis=-1)
             longest[one] = np.where(further[..., None], pushes[other], longest[one])

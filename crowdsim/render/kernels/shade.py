@@ -136,8 +136,8 @@ def _collect(points, start, stop, axes, grid, lists, room, most):
 
 
 @kernel(fastmath=FLAGS)
-def _cast_shadow(points, ids, start, stop, c, shades, sun):
-    """Take from some points the share of the sun that cone ``c`` hides from them, save from its own.
+def _cast_shadow(points, start, stop, c, shades, sun):
+    """Take from some points the share of the sun that cone ``c`` hides from them.
 
     In light space (u, v across the rays, w towards the sun) a cone is a flat segment with a width. Its edge is soft by
     the sun's apparent size times the distance that the light travels: shadows are sharp where they meet what casts
@@ -164,27 +164,26 @@ def _cast_shadow(points, ids, start, stop, c, shades, sun):
         soft = max(softness * way, min(points[AT_WIDTH + p], widest))
         gap = math.sqrt(du * du + dv * dv) - radius
         dark = min(max(HALF - HALF * gap / soft, ZERO), ONE)
-        # What lies beside the point rather than above it casts no shadow on it.
+        # What lies beside the point rather than above it, as its own cone does, casts no shadow on it.
         dark = dark * dark * (F(3.0) - TWO * dark) * min(way / (F(0.4) * radius), ONE)
-        dark = ZERO if ids[p] == c else dark
         points[AT_SUN + p] = min(points[AT_SUN + p], ONE - dark)
 
 
 @kernel(fastmath=FLAGS)
-def _cast_shadows(points, ids, start, stop, listed, shades, light):
+def _cast_shadows(points, start, stop, listed, shades, light):
     """Take from some points the share of the sun that each of some cones hides."""
     lx, ly, lz = F(light[SUN_X]), F(light[SUN_Y]), F(light[SUN_Z])
     ux, uy, uz, vx, vy, vz = F(light[U_X]), F(light[U_Y]), F(light[U_Z]), F(light[V_X]), F(light[V_Y]), F(light[V_Z])
     softness, widest = F(light[SOFTNESS]), F(light[WIDEST])
     sun = lx, ly, lz, ux, uy, uz, vx, vy, vz, softness, widest
     for index in range(listed.shape[0]):
-        _cast_shadow(points, ids, start, stop, listed[index], shades, sun)
+        _cast_shadow(points, start, stop, listed[index], shades, sun)
 
 
 @kernel(fastmath=FLAGS)
 def find_sun(lit, count, light, shades, lists, room):
-    """Write the share of the sun that every point sees past all cones but its own."""
-    points, ids, near, grid = lit.values, lit.ids, room.cones, light[GRID_U:SOFTNESS]
+    """Write the share of the sun that every point sees past all cones."""
+    points, near, grid = lit.values, room.cones, light[GRID_U:SOFTNESS]
     ux, uy, uz, vx, vy, vz = F(light[U_X]), F(light[U_Y]), F(light[U_Z]), F(light[V_X]), F(light[V_Y]), F(light[V_Z])
     axes = ux, uy, uz, vx, vy, vz
     for p in range(count):
@@ -195,14 +194,14 @@ def find_sun(lit, count, light, shades, lists, room):
             continue
         several = _collect(points, start, stop, axes, grid, lists, room, np.int64(TOGETHER))
         if several > 0:
-            _cast_shadows(points, ids, start, stop, near[:several], shades, light)
+            _cast_shadows(points, start, stop, near[:several], shades, light)
         if several >= 0:
             continue
         for low in range(start, stop, 8):
             high = min(low + 8, stop)
             several = _collect(points, low, high, axes, grid, lists, room, near.shape[0])
             if several > 0:
-                _cast_shadows(points, ids, low, high, near[:several], shades, light)
+                _cast_shadows(points, low, high, near[:several], shades, light)
             if several >= 0:
                 continue
             for p in range(low, high):
@@ -210,7 +209,7 @@ def find_sun(lit, count, light, shades, lists, room):
                 cell = _cell(x * ux + y * uy + z * uz, x * vx + y * vy + z * vz, grid)
                 if cell >= 0:
                     listed = lists.entries[lists.offsets[cell] : lists.offsets[cell + 1]]
-                    _cast_shadows(points, ids, p, p + 1, listed, shades, light)
+                    _cast_shadows(points, p, p + 1, listed, shades, light)
 
 
 @kernel(fastmath=FLAGS)

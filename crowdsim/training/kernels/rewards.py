@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from crowdsim.core.exponentials import faded
 from crowdsim.jit import kernel
 from crowdsim.policy.axes.axis import UNSEEN_STRIKE, Target
 from crowdsim.policy.kernels.rewards import HEADING, X, Z, earned_by_strikes
@@ -52,26 +53,6 @@ class Places(NamedTuple):
     lasts: Any
 
 
-@kernel(inline=True)
-def _faded(gap):
-    """Return exp(-gap) of a number from 0 on, float32, with a relative error of 5e-6; above 32 that of 32.
-
-    exp(v) = exp(v / 32) ^ 32, the polynomial that is best there, and five squarings.
-    """
-    y = min(gap, np.float32(32.0)) * np.float32(-1.0 / 32.0)
-    value = np.float32(0.000849007873) * y + np.float32(0.0076543251)
-    value = value * y + np.float32(0.0412233177)
-    value = value * y + np.float32(0.166515167)
-    value = value * y + np.float32(0.499975091)
-    value = value * y + np.float32(0.999998454)
-    value = value * y + np.float32(0.999999984)
-    value *= value
-    value *= value
-    value *= value
-    value *= value
-    return value * value
-
-
 def _build_frames(name, read, gap):
     """Return a kernel that adds what a term of one kind earns along one action's path to the total of each target."""
 
@@ -88,7 +69,7 @@ def _build_frames(name, read, gap):
                 dx, dz = places.xs[m] + moved * places.vxs[m] - x, places.zs[m] + moved * places.vzs[m] - z
                 due = places.impacts[m] - time
                 seen = Seen(dx, dz, sin, cos, places.facing_sins[m], places.facing_coss[m], due)
-                value = factor * _faded(gap(seen, wanted))
+                value = factor * faded(gap(seen, wanted))
                 best[m] = max(best[m], value) if greatest else best[m] + value
         for m in range(len(total)):
             total[m] += best[m]

@@ -5,8 +5,11 @@ Those that lead along the obstacle, or around the opponent, are worth more: an a
 
 import math
 
+import numpy as np
+
 from crowdsim.core.angles import cos_sin
 from crowdsim.crowd.kernels.layout import FIGHTS
+from crowdsim.crowd.kernels.positions import position_of
 from crowdsim.crowd.kernels.travelling import travels
 from crowdsim.jit import kernel
 from crowdsim.places.kernels.distance import cell_at, may_be_near, part_gap, stands
@@ -19,12 +22,13 @@ NEAR = 2.5  # how far away the opponent is at most, for a scale of 1 [m]
 @kernel(inline=True)
 def turn_out(model, avatars, world, now, own, observed, q, scratch):
     """Lower the values of actions that end between an obstacle and an opponent near by."""
-    opponent, size = avatars.fight[own].next_opponent, avatars.playback[own].scale
+    opponent, size = avatars.fight[own].next_opponent, np.float64(avatars.playback[own].scale)
     if world.places.parts.shape[0] == 0 or opponent < 0 or travels(avatars, own):
         return
     if avatars.conditions.shape[0] > 0 and avatars.conditions[avatars.number[own]].does_next != FIGHTS:
         return
-    x, z, other = avatars.x[own], avatars.z[own], avatars.slot_of[opponent]
+    x, z = position_of(avatars, own)
+    other = avatars.slot_of[opponent]
     dx, dz = avatars.x[other] - x, avatars.z[other] - z
     if dx * dx + dz * dz > (NEAR * size) ** 2:
         return
@@ -36,7 +40,8 @@ def turn_out(model, avatars, world, now, own, observed, q, scratch):
 @kernel(allocates=False)
 def _add_backs(model, avatars, places, frame, own, state, dx, dz, values):
     """Lower the values of actions that end before the nearest obstacle behind; the opponent is at (dx, dz)."""
-    x, z, size = avatars.x[own], avatars.z[own], avatars.playback[own].scale
+    x, z = position_of(avatars, own)
+    size = np.float64(avatars.playback[own].scale)
     least, nx, nz, cell = (model.reaches[state] + BEHIND) * size, 0.0, 0.0, cell_at(places.grid, x, z)
     for m in range(places.offsets[cell], places.offsets[cell + 1]):
         if places.gaps[m] >= least:
@@ -55,5 +60,6 @@ def _add_backs(model, avatars, places, frame, own, state, dx, dz, values):
         ex, ez = move.x * cos + move.z * sin, move.z * cos - move.x * sin
         near = 1.0 - max(least + ex * nx + ez * nz, 0.0) / (BEHIND * size)
         to_x, to_z = dx - ex, dz - ez
-        ahead = (to_x * nx + to_z * nz) / max(math.sqrt(to_x * to_x + to_z * to_z), 1e-6)
-        values[k] -= BACKED * max(near, 0.0) * max(ahead, 0.0)
+        ahead = to_x * nx + to_z * nz
+        if near > 0.0 and ahead > 0.0:
+            values[k] -= BACKED * near * ahead / max(math.sqrt(to_x * to_x + to_z * to_z), 1e-6)

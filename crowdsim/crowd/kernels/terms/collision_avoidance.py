@@ -13,6 +13,7 @@ from crowdsim.crowd.kernels.arena import may_leave, outside
 from crowdsim.crowd.kernels.intents import NEARBY
 from crowdsim.crowd.kernels.layout import Axis
 from crowdsim.crowd.kernels.lying import axis_of, from_axis, is_on_floor
+from crowdsim.crowd.kernels.positions import end_of, position_of
 from crowdsim.crowd.kernels.sole_contact import treads_on
 from crowdsim.crowd.kernels.tables import whole_lanes
 from crowdsim.crowd.kernels.travelling import travels
@@ -66,11 +67,11 @@ def avoid_collisions(model, avatars, world, now, own, observed, q, scratch):
     close = 0
     if world.crowding.end_cost > 0.0 or world.crowding.path_cost > 0.0:
         close = _list_close(model, avatars, world.crowding, own, observed, q, furthest, scratch.near)
-    leaves = may_leave(world.arena, avatars.x[own], avatars.z[own], furthest) and not travels(avatars, own)
+    x, z = position_of(avatars, own)
+    leaves = may_leave(world.arena, x, z, furthest) and not travels(avatars, own)
     pushed = world.crowding.back > 0.0 and push_left(avatars, now.frame, own) > 0.0
-    walled = world.places.parts.shape[0] > 0 and may_be_near(
-        world.places, avatars.x[own], avatars.z[own], furthest + BEFORE * avatars.playback[own].scale
-    )
+    before = BEFORE * avatars.playback[own].scale
+    walled = world.places.parts.shape[0] > 0 and may_be_near(world.places, x, z, furthest + before)
     if close == 0 and not leaves and not pushed and not walled:
         return
     ends = _find_ends(model, avatars, own, scratch.work)
@@ -80,7 +81,7 @@ def avoid_collisions(model, avatars, world, now, own, observed, q, scratch):
         else:
             _add_neighbour(scratch.near, m, ends)
     if leaves:
-        x, z, cost = avatars.x[own], avatars.z[own], world.crowding.outside_cost
+        cost = world.crowding.outside_cost
         for k in range(ends.lanes):
             ends.cost[k] += cost * outside(world.arena, x + ends.x[k], z + ends.z[k])
     if walled:
@@ -102,13 +103,15 @@ def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
     slot.
     """
     motion = avatars.motion
-    x, z, width = avatars.x[own], avatars.z[own], motion[own].width
+    x, z = position_of(avatars, own)
+    width = np.float64(motion[own].width)
     own_space = model.sizes[avatars.policy[own]].space
     close = 0
     for m in range(observed.counts[q]):
         j = observed.neighbours[q, m]
         ax, az = avatars.x[j] - x, avatars.z[j] - z
-        wx, wz = motion[j].end_x - avatars.x[j], motion[j].end_z - avatars.z[j]
+        end_x, end_z = end_of(avatars, j)
+        wx, wz = end_x - avatars.x[j], end_z - avatars.z[j]
         space = 0.5 * (own_space + model.sizes[avatars.policy[j]].space)
         if avatars.number[j] != avatars.fight[own].next_opponent and avatars.opponent[j] != avatars.number[own]:
             space *= BYSTANDERS
@@ -135,7 +138,7 @@ def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
 @kernel(inline=True)
 def _list_lying(model, avatars, crowding, own, j, furthest, near, m):
     """Write a body on the floor to record ``m`` of ``near``; return whether an avatar may get there."""
-    x, z = avatars.x[own], avatars.z[own]
+    x, z = position_of(avatars, own)
     axis = axis_of(model, avatars, j)
     found = near[m]
     found.x, found.z, found.way_x, found.way_z = axis.x - x, axis.z - z, axis.to_x - axis.x, axis.to_z - axis.z
@@ -158,7 +161,7 @@ def _find_ends(model, avatars, own, work):
     motion = avatars.motion
     actions, moves, halts = model.actions, model.moves, model.halts
     ends_x, ends_z, frames, cost, halts_x, halts_z = work[0], work[1], work[2], work[3], work[4], work[5]
-    scale, speed = avatars.playback[own].scale, motion[own].speed
+    scale, speed = np.float64(avatars.playback[own].scale), np.float64(motion[own].speed)
     cos, sin = cos_sin(avatars.heading[own])
     cos, sin = cos * scale, sin * scale
     done = min(motion[own].phase - actions[motion[own].action].length, speed)
@@ -230,7 +233,8 @@ def _add_lying(model, avatars, own, near, m, ends):
 @kernel(inline=True)
 def _add_obstacles(model, avatars, places, frame, own, furthest, ends):
     """Raise the cost of actions that end or halt in or close before obstacles, lead through them, or strike them."""
-    x, z, size = avatars.x[own], avatars.z[own], avatars.playback[own].scale
+    x, z = position_of(avatars, own)
+    size = np.float64(avatars.playback[own].scale)
     state = model.actions[avatars.motion[own].action].next
     offset = model.offsets[state]
     before = BEFORE * size
@@ -252,7 +256,7 @@ def _add_obstacles(model, avatars, places, frame, own, furthest, ends):
             reach = model.strikes[s]
             dx, dz = reach.x * cos + reach.z * sin, reach.z * cos - reach.x * sin
             if gap + dx * nx + dz * nz < 0.0 and part.height > reach.y * size:
-                ends.cost[int(reach.owner)] += AGAINST * (way_gap(part, x, z, x + dx, z + dz) < 0.0)
+                ends.cost[int(reach.owner)] += AGAINST * (way_gap(part, x, z, x + dx, z + dz, 0.0) < 0.0)
         spare = gap - min(before, gap)
         for k in range(np.uint64(model.offsets[state + 1] - offset)):
             nearest = min(ends.x[k] * nx + ends.z[k] * nz, ends.halt_x[k] * nx + ends.halt_z[k] * nz)
@@ -273,7 +277,7 @@ def _lack(part, x, z, gap, nx, nz, dx, dz, before):
     lack = min(before, gap) - gap - dx * nx - dz * nz
     if lack <= 0.0:
         return 0.0
-    return lack if way_gap(part, x, z, x + dx, z + dz) < before else 0.0
+    return lack if way_gap(part, x, z, x + dx, z + dz, before) < before else 0.0
 
 
 @kernel(inline=True)
@@ -296,7 +300,8 @@ def _from_ends(near, m, x, z):
 def push_left(avatars, frame, own):
     """Return how far the last hit still pushes an avatar [m]: by the square of its strength, less as time passes."""
     fight = avatars.fight[own]
-    since, square = frame - fight.hit_frame, fight.hit_x * fight.hit_x + fight.hit_z * fight.hit_z
+    x, z = np.float64(fight.hit_x), np.float64(fight.hit_z)
+    since, square = frame - fight.hit_frame, x * x + z * z
     if since > PUSHED or square < LIGHT * LIGHT:
         return 0.0
     return min(STEP * square, FURTHEST) * (1.0 - since / (PUSHED + 1.0))
@@ -305,7 +310,7 @@ def push_left(avatars, frame, own):
 @kernel(inline=True)
 def _give_way(avatars, back, frame, own, ends):
     """Lower the cost of actions that lead as far as the last hit pushes, along its way."""
-    x, z = avatars.fight[own].hit_x, avatars.fight[own].hit_z
+    x, z = np.float64(avatars.fight[own].hit_x), np.float64(avatars.fight[own].hit_z)
     strength = math.sqrt(x * x + z * z)
     x, z, far = back * x / strength, back * z / strength, back * push_left(avatars, frame, own)
     for k in range(ends.lanes):

@@ -15,6 +15,7 @@ from crowdsim.core.bodies import distance_from_body
 from crowdsim.core.threats import DISTANCES
 from crowdsim.crowd.kernels.bases import over_ground
 from crowdsim.crowd.kernels.interpolation import ground_at
+from crowdsim.crowd.kernels.positions import position_of
 from crowdsim.crowd.kernels.postures import Standing, posed_body
 from crowdsim.jit import kernel
 
@@ -66,7 +67,8 @@ def see_threat(model, avatars, cohorts, now, own, observed, q):
     """
     motion, playback = avatars.motion, avatars.playback
     strikes = model.strikes
-    x, z, size = avatars.x[own], avatars.z[own], playback[own].scale
+    x, z = position_of(avatars, own)
+    size = np.float64(playback[own].scale)
     opponent, reaction = avatars.fight[own].next_opponent, cohorts[playback[own].cohort].reaction
     nearest, soonest = np.inf, np.inf
     fx, fy, fz = 0.0, 0.0, 0.0
@@ -76,9 +78,9 @@ def see_threat(model, avatars, cohorts, now, own, observed, q):
             j = np.int64(observed.neighbours[q, m])
         if j >= now.present:
             continue
-        action, phase, speed = motion[j].action, motion[j].phase, motion[j].speed
+        action, phase, speed = motion[j].action, np.float64(motion[j].phase), np.float64(motion[j].speed)
         hidden = math.ceil(phase / speed) - 1.0 < reaction
-        ox, oz = avatars.x[j], avatars.z[j]
+        ox, oz = position_of(avatars, j)
         if hidden:
             ox, oz = over_ground(model, avatars, j, action, False, 0.0, 0.0)
         nearest = min(nearest, (ox - x) ** 2 + (oz - z) ** 2)
@@ -90,7 +92,7 @@ def see_threat(model, avatars, cohorts, now, own, observed, q):
                 continue
             sx, sz = over_ground(model, avatars, j, action, False, strikes[k].x, strikes[k].z)
             if (sx - x) ** 2 + (sz - z) ** 2 <= NEAR * NEAR * size * size:
-                soonest, fx, fy, fz = frames, sx, strikes[k].y * playback[j].scale, sz
+                soonest, fx, fy, fz = frames, sx, strikes[k].y * np.float64(playback[j].scale), sz
     if soonest == np.inf:
         far, cell = math.sqrt(nearest) / size, 0
         for limit in DISTANCES:
@@ -102,7 +104,8 @@ def see_threat(model, avatars, cohorts, now, own, observed, q):
 @kernel(inline=True)
 def _endured(model, avatars, own, action, threat):
     """Return whether a strike that is seen would land in an action, or in the best one behind it: from 0 to 1."""
-    start = avatars.x[own], avatars.z[own], avatars.heading[own]
+    x, z = position_of(avatars, own)
+    start = x, z, np.float64(avatars.heading[own])
     length = np.float64(model.actions[action].length)
     frames = threat.frames * avatars.motion[own].speed
     if frames <= length:
@@ -118,7 +121,7 @@ def _endured(model, avatars, own, action, threat):
 @kernel(inline=True)
 def _place(model, avatars, own, action, start, frames):
     """Return where an action leads in some frames of motion from a ground frame: x, z [m], heading [rad]."""
-    starts, size = model.starts, avatars.playback[own].scale
+    starts, size = model.starts, np.float64(avatars.playback[own].scale)
     stride = model.policies[avatars.policy[own]].stride
     gx, gz, turned = ground_at(model.ground, model.actions[action].origin + frames * stride)
     cos, sin = cos_sin(start[2] - starts[action].heading)
@@ -133,10 +136,10 @@ def _lands(model, avatars, own, action, start, frames, point):
     One that would end inside the body counts as well, so that walking into a fist is no defence.
     """
     motion = avatars.motion
-    size, policy = avatars.playback[own].scale, avatars.policy[own]
+    size, policy = np.float64(avatars.playback[own].scale), avatars.policy[own]
     x, z, heading = _place(model, avatars, own, action, start, frames)
     cos, sin = cos_sin(heading)
     frame = model.actions[action].origin + frames * model.policies[policy].stride
-    stands = Standing(frame, x, z, size, cos * size, sin * size, policy, motion[own].width)
+    stands = Standing(frame, x, z, size, cos * size, sin * size, policy, np.float64(motion[own].width))
     tolerance = model.sizes[policy].tolerance * size
     return min(max((tolerance + MARGIN - distance_from_body(point, posed_body(model, stands))) / MARGIN, 0.0), 1.0)

@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.bodies import lands_on_posed_body
 from crowdsim.core.mathematics import atan2
@@ -9,6 +11,7 @@ from crowdsim.crowd.kernels.hidden import is_hidden
 from crowdsim.crowd.kernels.intents import is_resting
 from crowdsim.crowd.kernels.layout import FIGHTS, FLEES, FORESEEN
 from crowdsim.crowd.kernels.outcomes import ball_at
+from crowdsim.crowd.kernels.positions import position_of, way_between
 from crowdsim.crowd.kernels.vetoes.strike_at_air import strikes_air
 from crowdsim.jit import kernel
 
@@ -18,6 +21,7 @@ AIM = 2.0  # what a strike is worth that will land on a scripted target
 AIMED = 4.0  # distance up to which a scripted target is aimed at, as far as two actions and the target lead [m]
 AT_HAND = 1.2  # distance of an opponent beyond which strikes may end short of it [m]
 SHORT = 3.0  # what such a strike costs, as a multiple of ``Crowding.wasted``
+WALLED = 15.0  # the same in a scenario with obstacles, where all else may cost more than that
 STRUCK_AT = 2.5  # distance up to which an opponent may be struck at through an obstacle [m]
 SET_UP = 0.6  # what an action is worth that such a strike can follow, of that
 AWAY, NEAR = -0.3, 2.0  # where an avatar does not see another: cosine of the bearing; and how near that one is [m]
@@ -31,43 +35,47 @@ def weigh_strikes(model, avatars, world, now, own, observed, q, scratch):
     meanwhile, as they do while it watches or flees, or an obstacle hides its opponent; and something where that looks
     away, or is out of their reach. Those at a scripted target are worth more that will land on it.
     """
+    offsets, opponent = model.offsets, avatars.fight[own].next_opponent
+    state = model.actions[avatars.motion[own].action].next
+    if opponent > -2 and model.actions[offsets[state]].strikes == model.actions[offsets[state + 1]].strikes:
+        return
     rests, bonus = is_resting(avatars, world, now.frame, own), 0.0
     if avatars.conditions.shape[0] > 0:
         row = avatars.conditions[avatars.number[own]]
         rests, bonus = rests or row.does_next != FIGHTS, BOLDNESS * row.aggression
-    rests = rests or _is_behind_obstacle(avatars, world, now, own)
+    walled = world.places.parts.shape[0] > 0
+    rests = rests or (walled and _is_behind_obstacle(avatars, world, now, own))
     if avatars.fight[own].next_opponent <= -2 and world.crowding.at_air > 0.0:
         _aim_at_ball(model, avatars, world, now, own, scratch.values[q])
-    elif avatars.fight[own].next_opponent >= 0 and not rests:
-        _reach_opponent(model, avatars, world, now, own, observed, q, scratch)
+    elif avatars.fight[own].next_opponent >= 0 and (walled or not rests):
+        _reach_opponent(model, avatars, world, now, own, observed, q, scratch, walled)
     worth = -REST if rests else bonus - world.crowding.unseen * _is_unseen(avatars, now, own)
     if worth != 0.0:
         weigh_by_strikes(model, avatars, own, worth, scratch.values[q])
 
 
 @kernel(inline=True)
-def _reach_opponent(model, avatars, world, now, own, observed, q, scratch):
+def _reach_opponent(model, avatars, world, now, own, observed, q, scratch, walled):
     """Lower the values of strikes that end far from an avatar's opponent, where that one is not at hand."""
     x, z = scratch.situations[q].x, scratch.situations[q].z
     if x * x + z * z <= AT_HAND * AT_HAND:
         return
-    state = model.actions[avatars.motion[own].action].next
+    state, short = model.actions[avatars.motion[own].action].next, WALLED if walled else SHORT
     for k in range(model.offsets[state + 1] - model.offsets[state]):
         action = model.offsets[state] + k
-        scratch.values[q, k] -= SHORT * strikes_air(model, avatars, world, now, own, observed, q, action)
+        scratch.values[q, k] -= short * strikes_air(model, avatars, world, now, own, observed, q, action)
 
 
 @kernel(inline=True)
 def _is_behind_obstacle(avatars, world, now, own):
     """Return whether an avatar's opponent is hidden from it by an obstacle."""
     opponent = avatars.fight[own].next_opponent
-    if opponent < 0 or world.places.parts.shape[0] == 0 or avatars.slot_of[opponent] >= now.present:
+    if opponent < 0 or avatars.slot_of[opponent] >= now.present:
         return False
     j = avatars.slot_of[opponent]
-    dx, dz = avatars.x[j] - avatars.x[own], avatars.z[j] - avatars.z[own]
-    return dx * dx + dz * dz < STRUCK_AT * STRUCK_AT and is_hidden(
-        avatars, world, now.frame, own, avatars.x[j], avatars.z[j]
-    )
+    dx, dz = way_between(avatars, own, j)
+    is_near = dx * dx + dz * dz < STRUCK_AT * STRUCK_AT
+    return is_near and is_hidden(avatars, world, now.frame, own, *position_of(avatars, j))
 
 
 @kernel(inline=True)
@@ -88,7 +96,7 @@ def _is_unseen(avatars, now, own):
     j = avatars.slot_of[opponent]
     if j >= now.present or (avatars.conditions.shape[0] > 0 and avatars.conditions[opponent].does == FLEES):
         return False
-    dx, dz = avatars.x[own] - avatars.x[j], avatars.z[own] - avatars.z[j]
+    dx, dz = way_between(avatars, j, own)
     far = math.sqrt(dx * dx + dz * dz)
     cos, sin = cos_sin(avatars.heading[j])
     return far < NEAR and dx * sin + dz * cos < AWAY * far
@@ -100,8 +108,10 @@ def _aim_at_ball(model, avatars, world, now, own, values):
 
     An action without strikes is worth ``SET_UP`` of that where a strike that may follow it will land.
     """
-    actions, state, size = model.actions, model.actions[avatars.motion[own].action].next, avatars.playback[own].scale
-    start = avatars.x[own], avatars.z[own], avatars.heading[own]
+    actions, state = model.actions, model.actions[avatars.motion[own].action].next
+    size = np.float64(avatars.playback[own].scale)
+    x, z = position_of(avatars, own)
+    start = x, z, np.float64(avatars.heading[own])
     ball = world.targets[now.moment, -2 - avatars.fight[own].next_opponent]
     near = (ball[0] - start[0]) ** 2 + (ball[2] - start[1]) ** 2 <= AIMED * AIMED * size * size
     for k in range(model.offsets[state + 1] - model.offsets[state]):
@@ -129,7 +139,8 @@ def _lands_on_ball(model, avatars, world, now, own, action, start, frames):
 
     The action starts at a position and heading in some frames of motion.
     """
-    first, size, target = model.actions[action].strikes, avatars.playback[own].scale, avatars.fight[own].next_opponent
+    first, target = model.actions[action].strikes, avatars.fight[own].next_opponent
+    size = np.float64(avatars.playback[own].scale)
     if first == model.actions[action + 1].strikes:
         return False
     strike = model.strikes[first]

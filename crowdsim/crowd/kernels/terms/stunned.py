@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from crowdsim.jit import kernel
 
 STUNS, LONGEST = 18.0, 27.0  # for how long a strong hit stuns, by its strength, and the strongest [control frames]
@@ -24,5 +26,6 @@ def hold_strikes(model, avatars, world, now, own, observed, q, scratch):
 def stunned_for(avatars, frame, own):
     """Return for how much longer the last hit stuns an avatar [control frames]."""
     fight = avatars.fight[own]
-    strength = math.sqrt(fight.hit_x * fight.hit_x + fight.hit_z * fight.hit_z)
+    x, z = np.float64(fight.hit_x), np.float64(fight.hit_z)
+    strength = math.sqrt(x * x + z * z)
     return min(STUNS * strength, LONGEST) - (frame - fight.hit_frame)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from crowdsim.crowd.kernels.prefetch import prefetch
-from crowdsim.crowd.kernels.shown_motion import LATEST, age_of, cell_at
+from crowdsim.crowd.kernels.shown_motion import LATEST, NONE, age_of, cell_at
 from crowdsim.jit import kernel
 
 OTHERS, LATELY = 0.5, 30  # what motion costs that others showed lately, in normalised values; frames that this means
@@ -35,7 +35,7 @@ def avoid_repetition(model, avatars, world, now, own, observed, q, scratch):
     for k in range(np.uint64(n)):
         state = np.int64(model.twins[actions[np.uint64(offset) + k].next])
         charge = others if age_of(marks[np.uint64((cell + state) & mask)], now.frame) < LATELY else 0.0
-        low, again = np.uint16(state), False
+        low, again = np.uint8(state % NONE), False
         for m in range(np.uint64(LATEST)):
             again |= latest[m] == low
         scratch.values[q, k] -= charge + (mine if again else 0.0)

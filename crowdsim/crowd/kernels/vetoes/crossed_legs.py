@@ -1,5 +1,7 @@
 """Crossed legs: actions that end with a leg in the leg of a neighbour."""
 
+import numpy as np
+
 from crowdsim.core.angles import cos_sin
 from crowdsim.core.segments import square_between
 from crowdsim.crowd.kernels.layout import KNEE, LEFT, RIGHT, SOLE
@@ -17,7 +19,7 @@ def crosses_legs(model, avatars, world, now, own, observed, q, action):
     moves = model.moves
     if world.crowding.end_cost <= 0.0:
         return 0.0
-    size = playback[own].scale
+    size = np.float64(playback[own].scale)
     cos, sin = cos_sin(avatars.heading[own])
     ex, ez = moves[action].x * size, moves[action].z * size
     x, z = avatars.x[own] + ex * cos + ez * sin, avatars.z[own] + ez * cos - ex * sin
@@ -30,7 +32,7 @@ def crosses_legs(model, avatars, world, now, own, observed, q, action):
         dx, dz = motion[j].end_x - x, motion[j].end_z - z
         if dx * dx + dz * dz > WITHIN * WITHIN or avatars.team[j] < 0:
             continue
-        scale, other = playback[j].scale, motion[j].action
+        scale, other = np.float64(playback[j].scale), motion[j].action
         theirs = model.actions[other].next
         reach = APART * 0.5 * (size + scale)
         near = reach + wide + scale * model.leg_reaches[theirs]

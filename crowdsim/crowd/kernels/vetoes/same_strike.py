@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from crowdsim.crowd.kernels.shown_motion import THROWN
 from crowdsim.jit import kernel
 
 TWICE, TOGETHER = 4.0, 9  # what such a strike costs, in normalised values; frames within which both end
@@ -22,7 +23,7 @@ def mirrors_opponent(model, avatars, world, now, own, observed, q, action):
         return 0.0
     j, piece = avatars.slot_of[opponent], np.int64(model.twins[actions[action].next])
     ends = now.frame + np.int64(actions[action].length / motion[own].speed)
-    if piece == fight[j].thrown and abs(ends - fight[j].thrown_until) < TOGETHER:
+    if piece & THROWN == fight[j].thrown and abs(ends - fight[j].thrown_until) < TOGETHER:
         return TWICE
     half = ((piece * 40503 + now.frame * 30011) >> 7) & 1
     decides = motion[j].phase >= actions[motion[j].action].length
