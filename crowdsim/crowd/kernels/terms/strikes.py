@@ -104,33 +104,63 @@ def _is_unseen(avatars, now, own):
 
 @kernel(inline=True)
 def _aim_at_ball(model, avatars, world, now, own, values):
-    """Add to the values of an avatar's next actions by whether their first strikes land on its scripted target.
+    """Add to the values of an avatar's next actions by when a strike can land on its scripted target after them.
 
-    An action without strikes is worth ``SET_UP`` of that where a strike that may follow it will land.
+    A strike is worth ``AIM`` where it lands itself. Other actions are worth ``SET_UP`` of that where a strike that may
+    follow them lands, and ``SET_UP`` squared where it takes one more action before it.
     """
     actions, state = model.actions, model.actions[avatars.motion[own].action].next
     size = np.float64(avatars.playback[own].scale)
     x, z = position_of(avatars, own)
     start = x, z, np.float64(avatars.heading[own])
     ball = world.targets[now.moment, -2 - avatars.fight[own].next_opponent]
-    near = (ball[0] - start[0]) ** 2 + (ball[2] - start[1]) ** 2 <= AIMED * AIMED * size * size
+    near = (ball[0] - x) ** 2 + (ball[2] - z) ** 2 <= AIMED * AIMED * size * size
     for k in range(model.offsets[state + 1] - model.offsets[state]):
         action = model.offsets[state] + k
         if actions[action].strikes < actions[action + 1].strikes:
             lands = near and _lands_on_ball(model, avatars, world, now, own, action, start, 0.0)
             values[k] += AIM if lands else -world.crowding.at_air
-            continue
-        if not near:
-            continue
-        cos, sin = cos_sin(start[2])
-        move, frames = model.moves[action], actions[action].length
-        x, z = move.x * size, move.z * size
-        then = start[0] + x * cos + z * sin, start[1] - x * sin + z * cos, start[2] + atan2(move.sin, move.cos)
-        after = actions[action].next
-        for follows in range(model.offsets[after], model.offsets[after + 1]):
-            if _lands_on_ball(model, avatars, world, now, own, follows, then, float(frames)):
+        elif near:
+            then, frames = _end_of(model, action, start, size), np.float64(actions[action].length)
+            after = actions[action].next
+            if _can_land(model, avatars, world, now, own, after, then, frames):
                 values[k] += SET_UP * AIM
-                break
+            elif _can_set_up(model, avatars, world, now, own, after, then, frames):
+                values[k] += SET_UP * SET_UP * AIM
+
+
+@kernel(inline=True)
+def _end_of(model, action, start, size):
+    """Return the position and the heading in which an action ends that starts in others."""
+    cos, sin = cos_sin(start[2])
+    move = model.moves[action]
+    x, z = move.x * size, move.z * size
+    return start[0] + x * cos + z * sin, start[1] - x * sin + z * cos, start[2] + atan2(move.sin, move.cos)
+
+
+@kernel(inline=True)
+def _can_land(model, avatars, world, now, own, state, start, frames):
+    """Return whether an action of a state lands a strike on an avatar's scripted target, see ``_lands_on_ball``."""
+    actions, first, end = model.actions, model.offsets[state], model.offsets[state + 1]
+    if actions[first].strikes == actions[end].strikes:
+        return False
+    for action in range(first, end):
+        if _lands_on_ball(model, avatars, world, now, own, action, start, frames):
+            return True
+    return False
+
+
+@kernel(inline=True)
+def _can_set_up(model, avatars, world, now, own, state, start, frames):
+    """Return whether an action of a state leads to one that lands a strike on an avatar's scripted target."""
+    actions, size = model.actions, np.float64(avatars.playback[own].scale)
+    for action in range(model.offsets[state], model.offsets[state + 1]):
+        if actions[action].strikes < actions[action + 1].strikes:
+            continue
+        then = _end_of(model, action, start, size)
+        if _can_land(model, avatars, world, now, own, actions[action].next, then, frames + actions[action].length):
+            return True
+    return False
 
 
 @kernel(inline=True)
