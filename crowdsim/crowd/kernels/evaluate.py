@@ -1,6 +1,7 @@
 """What the next actions of avatars are worth: the sum of the value terms, which are listed here."""
 
 from crowdsim.crowd.kernels.layout import AHEAD
+from crowdsim.crowd.kernels.terms.aim import aim_at_target
 from crowdsim.crowd.kernels.terms.backs import turn_out
 from crowdsim.crowd.kernels.terms.collision_avoidance import avoid_collisions
 from crowdsim.crowd.kernels.terms.defence import defend
@@ -22,6 +23,7 @@ ADDED = (
     ("defence", defend),
     ("rest", seek_rest),
     ("strikes", weigh_strikes),
+    ("aim", aim_at_target),
     ("stun", hold_strikes),
     ("stillness", favour_stillness),
     ("facing", face_opponent),
