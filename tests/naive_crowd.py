@@ -23,6 +23,7 @@ from crowdsim.crowd.kernels.resolve import FOOT
 from crowdsim.crowd.kernels.resolve import GUARDED as LET_THROUGH
 from crowdsim.crowd.kernels.shown_motion import CELL, LATEST, NONE
 from crowdsim.crowd.kernels.terms import variety
+from crowdsim.crowd.kernels.terms.aim import AIM, AIMED, DEPTH, SET_UP
 from crowdsim.crowd.kernels.terms.collision_avoidance import BYSTANDERS, FURTHEST, HALTED, LIGHT, PUSHED, STEP
 from crowdsim.crowd.kernels.terms.facing import FROM, THRONG, TURNED
 from crowdsim.crowd.kernels.terms.facing import NEAR as FACED
@@ -30,8 +31,8 @@ from crowdsim.crowd.kernels.terms.guard import DROPPED
 from crowdsim.crowd.kernels.terms.guard import NEAR as GUARDED
 from crowdsim.crowd.kernels.terms.stance import ASTRAY
 from crowdsim.crowd.kernels.terms.stillness import BESIDE, CALM, FACING
-from crowdsim.crowd.kernels.terms.strikes import AIM, AIMED, AWAY, BOLDNESS, NEAR, REST, SET_UP, SHORT
 from crowdsim.crowd.kernels.terms.strikes import AT_HAND as REACHED
+from crowdsim.crowd.kernels.terms.strikes import AWAY, BOLDNESS, NEAR, REST, SHORT
 from crowdsim.crowd.kernels.terms.stunned import LONGEST, STUNS
 from crowdsim.crowd.kernels.vetoes.crossed_legs import CROSSED
 from crowdsim.crowd.kernels.vetoes.same_strike import TOGETHER, TWICE
@@ -432,18 +433,27 @@ def meeting(one, mine, places):
 
 
 def aim(one, choices, mine, places, crowd):
-    """What actions are worth that will land on a scripted target, or after which another one can."""
+    """What actions are worth by how soon a strike can land on a scripted target."""
     actions, found = one.policy.actions, np.zeros(len(choices))
     near = math.hypot(places[0][0] - mine[0], places[0][2] - mine[1]) <= AIMED * one.scale
     for k, action in enumerate(choices):
         if actions.strike_offsets[action] < actions.strike_offsets[action + 1]:
             found[k] = AIM if near and hits_ball(one, action, mine, 0, places) else -crowd.crowding.wasted
-            continue
-        length, state = int(actions.lengths[action]), int(actions.next[action])
-        then = ground.compose(mine, one.displacement(action, length))
-        following = range(actions.offsets[state], actions.offsets[state + 1])
-        found[k] = SET_UP * AIM * near * any(hits_ball(one, after, then, length, places) for after in following)
+        elif near:
+            found[k] = AIM * SET_UP * planned(one, action, mine, 0, places, DEPTH - 1)
     return found
+
+
+def planned(one, action, stands, frames, places, more):
+    """1 where a strike that follows an action lands, less for each of up to ``more`` actions in between."""
+    actions = one.policy.actions
+    length, state = int(actions.lengths[action]), int(actions.next[action])
+    then, frames = ground.compose(stands, one.displacement(action, length)), frames + length
+    following = range(actions.offsets[state], actions.offsets[state + 1])
+    if any(hits_ball(one, after, then, frames, places) for after in following):
+        return 1.0
+    quiet = [after for after in following if actions.strike_offsets[after] == actions.strike_offsets[after + 1]]
+    return max((SET_UP * planned(one, after, then, frames, places, more - 1) for after in quiet if more), default=0.0)
 
 
 def hits_ball(one, action, stands, frames, places):
@@ -453,8 +463,11 @@ def hits_ball(one, action, stands, frames, places):
     if first == actions.strike_offsets[action + 1]:
         return False
     point = ground.to_world(stands, actions.strike_positions[first].astype(float) * one.scale)
-    when = min(int((frames + actions.strike_times[first]) / one.speed + 0.5), FORESEEN)
-    return abs(gap_to(point, *ball(one, places[when]))[0]) <= tolerance_of(one.policy) * one.scale
+    when = (frames + float(actions.strike_times[first]) - min(one.phase - one.length, one.speed)) / one.speed
+    when = min(max(when, 0.0), FORESEEN - 1.0)
+    share = when - int(when)
+    there = (1.0 - share) * np.asarray(places[int(when)]) + share * np.asarray(places[int(when) + 1])
+    return abs(gap_to(point, *ball(one, there))[0]) <= tolerance_of(one.policy) * one.scale
 
 
 def strikes_air(one, other, action, mine):

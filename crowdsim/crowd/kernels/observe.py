@@ -21,7 +21,7 @@ from crowdsim.crowd.kernels.travelling import see_way, travels
 from crowdsim.jit import kernel
 from crowdsim.policy.axes.axis import UNSEEN_STRIKE
 
-AT_HAND = 0.75  # distance of a scripted target beyond which an avatar walks to where the two will meet [m]
+AT_HAND = 0.5  # distance of a scripted target beyond which an avatar walks to where the two will meet [m]
 WALKS = 0.08  # how far it walks in a control frame meanwhile [m]
 
 

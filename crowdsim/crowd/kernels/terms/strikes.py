@@ -2,8 +2,6 @@
 
 import math
 
-import numpy as np
-
 from crowdsim.core.angles import cos_sin
 from crowdsim.crowd.kernels.hidden import is_hidden
 from crowdsim.crowd.kernels.intents import is_resting
