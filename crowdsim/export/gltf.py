@@ -3,7 +3,7 @@
 Every size is known before the first pose, so that the description is written first and blocks of poses are put at
 their places; memory does not grow with the take. Each avatar has a tree of joints and a skinned mesh at the root of the
 scene; avatars of one girth and one length of legs and arms share vertices, all of a build share triangles and weights.
-Helper joints ``...Half`` turn half as far as elbows and knees.
+Helper joints ``...Half`` turn half as far as elbows and knees. Cloth, hair, leather and skin have textures.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from crowdsim.body.looks import build_of, roughness
 from crowdsim.body.palette import avatar_paints, skin_paints
 from crowdsim.body.parts import SKIN_PARTS
 from crowdsim.body.skin import Skin, build_skin_of
+from crowdsim.body.textures import TEXTURES, texture_png
 from crowdsim.core.types import Array, Progress
 from crowdsim.crowd.events import OUTCOMES
 from crowdsim.errors import OutputError
@@ -50,7 +51,7 @@ _ROTATIONS = {"float32": ("<f4", "<i2", "<i2"), "int16": ("<i2", "<i2", "i1")}
 """How rotations are stored: those of joints that carry joints or props; those of other joints, which as 16 bits put
 their skin within 0.01 mm; and those of helpers, which only move a fold of skin."""
 _COMPONENTS = {"|i1": 5120, "|u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125, "<f4": 5126}
-_KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+_KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 _VERTICES, _INDICES = 34962, 34963
 _LARGEST = 2**32 - 1
 """Bytes of a binary glTF file at the most, whose header counts them in 32 bits."""
@@ -342,7 +343,7 @@ class GltfSink:
                 "victim": int(events.victim[row]),
                 "limb": LIMBS[int(events.limb[row])],
                 "outcome": OUTCOMES[int(events.outcome[row])],
-                "damage": round(float(events.damage[row]), 3),
+                **({"damage": round(float(events.damage[row]), 3)} if events.damage[row] > 0.0 else {}),
                 "point": [round(float(value), 4) for value in events.point[row]],
             }
             for row in np.flatnonzero(inside)
@@ -396,6 +397,7 @@ class Document:
         self.constant: list[tuple[int, bytes]] = []
         self.materials: dict[tuple[tuple[int, ...], bytes], int] = {}
         self.props: dict[bytes, int] = {}
+        self.textures: dict[str, tuple[int, Array]] = {}
         self.size = 0
 
     def add(self, values: Array, target: int | None = None, limits: bool = False) -> int:
@@ -440,10 +442,12 @@ class Document:
             shared = {
                 "JOINTS_0": self.add(skin.joints, _VERTICES),
                 "WEIGHTS_0": self.add(_whole_weights(skin.weights), _VERTICES),
+                "TEXCOORD_0": self.add(skin.places, _VERTICES),
             }
             triangles = dict[tuple[int, ...], int]()
         else:
-            shared, triangles = {key: alike.attributes[key] for key in ("JOINTS_0", "WEIGHTS_0")}, alike.triangles
+            keys = "JOINTS_0", "WEIGHTS_0", "TEXCOORD_0"
+            shared, triangles = {key: alike.attributes[key] for key in keys}, alike.triangles
         matrices = np.zeros((len(skin.positions), 4, 4), "<f4")
         matrices[:, :3] = skin.inverse_bindings()
         matrices[:, 3, 3] = 1.0
@@ -502,16 +506,20 @@ class Document:
             "skeleton": first + 1,
             "joints": list(range(first + 1, first + 1 + len(parents))),
         })  # fmt: skip
-        alike = dict[tuple[float, ...], list[int]]()
+        alike = dict[tuple[Any, ...], list[int]]()
         for part in np.unique(skin.parts).tolist():
-            alike.setdefault((*paints[part, :3].tolist(), roughness(part)), []).append(part)
+            key = *paints[part, :3].tolist(), roughness(part), TEXTURES.get(SKIN_PARTS[part])
+            alike.setdefault(key, []).append(part)
         primitives = []
         for parts in map(tuple, alike.values()):
             if parts not in added.triangles:
                 chosen = skin.triangles[np.isin(skin.parts, parts)]
                 added.triangles[parts] = self.add(chosen.astype("<u2").ravel(), _INDICES)
             material = self.material(parts, paints[parts[0], :3])
-            primitives.append({"attributes": added.attributes, "indices": added.triangles[parts], "material": material})
+            # Validators note coordinates that no texture uses.
+            unused = () if SKIN_PARTS[parts[0]] in TEXTURES else ("TEXCOORD_0",)
+            attributes = {key: value for key, value in added.attributes.items() if key not in unused}
+            primitives.append({"attributes": attributes, "indices": added.triangles[parts], "material": material})
         self.json["meshes"].append({"name": name, "primitives": primitives})
         skinned = len(self.json["meshes"]) - 1
         self.nodes.append({"name": f"{name} skin", "mesh": skinned, "skin": len(self.json["skins"]) - 1})
@@ -606,13 +614,33 @@ class Document:
         return len(self.json["meshes"]) - 1
 
     def material(self, parts: tuple[int, ...], colour: Array) -> int:
-        """Return the material of parts of one roughness in a linear colour, named after them."""
+        """Return the material of parts of one roughness and texture in a linear colour, named after them."""
         key, known = (parts, np.round(colour, 4).tobytes()), self.materials
         if key not in known:
-            linear = [round(float(value), 4) for value in colour]
             name = "+".join(SKIN_PARTS[part] for part in parts)
+            texture, most = self._texture(SKIN_PARTS[parts[0]])
+            linear = [round(min(float(value), 1.0), 4) for value in colour * most]
             known[key] = self._add_material(name, linear, roughness(parts[0]))
+            if texture is not None:
+                shown = self.json["materials"][-1]["pbrMetallicRoughness"]
+                shown["baseColorTexture"] = {"index": texture}
         return known[key]
+
+    def _texture(self, part: str) -> tuple[int | None, Array]:
+        """Return the texture of a part, added once, and the linear colour that takes it to white in the mean."""
+        name = TEXTURES.get(part)
+        if name is None:
+            return None, np.ones(3)
+        if name not in self.textures:
+            data, most = texture_png(name)
+            images, textures = (self.json.setdefault(key, []) for key in ("images", "textures"))
+            images.append({"name": name, "mimeType": "image/png", "bufferView": len(self.json["bufferViews"])})
+            self.json["bufferViews"].append({"buffer": 0, "byteOffset": self.size, "byteLength": len(data)})
+            self.constant.append((self.size, data))
+            self.size += -(-len(data) // 4) * 4
+            textures.append({"source": len(images) - 1})
+            self.textures[name] = len(textures) - 1, most
+        return self.textures[name]
 
     def _add_material(self, name: str, colour: Sequence[float], rough: float) -> int:
         """Add a material in a linear colour, and return it."""
