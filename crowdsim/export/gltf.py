@@ -36,7 +36,7 @@ from crowdsim.errors import OutputError
 from crowdsim.export.gltf_kernels import pack_rotations
 from crowdsim.export.prop_meshes import GLOSS, PropMesh, prop_meshes
 from crowdsim.export.stream import Block, run_all, stream_poses
-from crowdsim.files import make_folder
+from crowdsim.files import exists_plain, make_folder, stat_plain
 from crowdsim.motion import quaternion
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.skeleton import Skeleton
@@ -98,6 +98,7 @@ class GltfSink:
         rotations: ``float32``, or ``int16``, which takes half the place.
         builds: Build of each avatar of the take; by its girth when None.
         cameras: Cameras that come along, which have as many frames as the file.
+        goes_on: Whether frames that an interrupted process has written are kept, for one that writes the same.
 
     Raises:
         OutputError: The file would be larger than glTF files can be.
@@ -117,9 +118,11 @@ class GltfSink:
         rotations: str = "float32",
         builds: Sequence[Build] | None = None,
         cameras: Sequence[CameraPath] = (),
+        goes_on: bool = False,
     ) -> None:
         take = sampler.take
         self.start, self.stop = frames or (0, take.output_frames(float(fps)))
+        self._first, self._frames = self.start, self.stop - self.start
         numbers: Array = np.arange(take.avatar_count) if avatars is None else np.unique(np.asarray(avatars))
         self._sampler, self._path, self._fps, self._rotations = sampler, path, exact_rate(fps), rotations
         there = {int(number): sampler.present(int(number), self.start, self.stop, float(fps)) for number in numbers}
@@ -129,8 +132,9 @@ class GltfSink:
         self._builds = [build_of(take.cast, number) for number in everyone] if builds is None else list(builds)
         self._places: dict[int, _Place] = {}
         self._stills: dict[int, tuple[Array, Array]] = {}
-        self._rows, self._cameras = 0, cameras
-        self._shared = GltfFile(path, self._describe(there))
+        self._rows, self._part, self._cameras = 0, 0, cameras
+        self._shared = GltfFile(path, self._describe(there), goes_on)
+        self._resume(*self._shared.resume(1))
 
     @property
     def total(self) -> int:
@@ -140,17 +144,31 @@ class GltfSink:
     @property
     def done(self) -> int:
         """Share of the frames written so far."""
-        return self.total * self._rows // (self.stop - self.start)
+        return self.total * self._rows // self._frames
 
     def split(self, most: int) -> list[GltfSink]:
         """Return sinks of a few avatars each that write into the same file, since each avatar's frames lie together."""
-        parts = []
+        if len(self.avatars) <= most:
+            return [self]
+        parts = list[GltfSink]()
         for low in range(0, len(self.avatars), most):
             part = copy.copy(self)
-            part.avatars = self.avatars[low : low + most]
+            part.avatars, part._part = self.avatars[low : low + most], len(parts)
             parts.append(part)
-        self._shared.open = len(parts)
+        for part, rows in zip(parts, self._shared.resume(len(parts)), strict=True):
+            part._resume(rows)
         return parts
+
+    def _resume(self, rows: int) -> None:
+        """Go on after so many frames, which the file holds already."""
+        self.start, self._rows = self._first + rows, rows
+        for place in (self._places[number] for number in self.avatars.tolist() if rows):
+            place.root = self._shared.read(place.roots + 12 * (rows - 1), "<f4", 3).astype(float)
+            for joints, dtype, last, at in place.tracks:
+                one, size = _one(dtype), 4 * np.dtype(dtype).itemsize
+                for number in range(len(joints)):
+                    packed = self._shared.read(at + size * (number * self._frames + rows - 1), dtype, 4)
+                    last[number] = packed[[3, 0, 1, 2]] / one
 
     def write(self, block: Block, pool: ThreadPoolExecutor) -> None:
         """Put a block of frames at its places; there is no file where no avatar ever comes."""
@@ -166,8 +184,9 @@ class GltfSink:
             if int(poses.avatars[column]) in chosen
         ]
         self._shared.begin()
-        run_all(pool, lambda item: self._append(*item, rows, low - self.start), work)
-        self._rows = high - self.start
+        run_all(pool, lambda item: self._append(*item, rows, low - self._first), work)
+        self._rows = high - self._first
+        self._shared.note(self._part, self._rows)
 
     def _append(self, poses: Poses, column: int, rows: slice, first: int) -> None:
         place = self._places[int(poses.avatars[column])]
@@ -185,16 +204,12 @@ class GltfSink:
             for number, values in enumerate(packed):
                 self._shared.put(at + 4 * packed.itemsize * (number * self._frames + first), values)
 
-    @property
-    def _frames(self) -> int:
-        return self.stop - self.start
-
     def close(self) -> list[Path]:
         """Give the file its name when all parts are written, and return it."""
         return self._shared.close()
 
     def abandon(self) -> None:
-        """Remove what is half-written."""
+        """Remove what is half-written, unless the file goes on."""
         self._shared.abandon()
 
     def _describe(self, there: dict[int, Array]) -> Document:
@@ -654,11 +669,20 @@ class Document:
 
 
 class GltfFile:
-    """The file while it is written, of a sink or of the parts that one was split into."""
+    """The file while it is written, of a sink or of the parts that one was split into.
 
-    def __init__(self, path: Path, document: Document) -> None:
-        self.open, self._path, self._constant = 1, path, document.constant
-        self._partial = path.with_name(f".{path.name[:100]}.{uuid.uuid4().hex}.part")
+    Until it is whole, how many frames of each part are written follows its last byte, eight bytes a part.
+
+    Args:
+        path: The file.
+        document: What is in it.
+        goes_on: Whether what an interrupted process has written is kept, under a name that the next one knows.
+    """
+
+    def __init__(self, path: Path, document: Document, goes_on: bool = False) -> None:
+        self._open, self._parts, self._path, self._constant = 1, 1, path, document.constant
+        self._goes_on, self._end = goes_on, document.size
+        self._partial = path.with_name(f".{path.name[:100]}.{'' if goes_on else uuid.uuid4().hex + '.'}part")
         self._file: BinaryIO | None = None
         self._lock = threading.Lock()
         document.json["buffers"] = [{"byteLength": document.size}]
@@ -674,11 +698,37 @@ class GltfFile:
         self._head = struct.pack("<4sIIII", b"glTF", 2, size, len(text), 0x4E4F534A) + text
         self._head += struct.pack("<II", document.size, 0x004E4942)
 
+    def resume(self, parts: int) -> list[int]:
+        """Return how many frames of each part an interrupted process has written, and go on with its file."""
+        self._open = self._parts = parts
+        nothing, place = [0] * parts, (self._partial.parent, self._partial.name)
+        if not self._goes_on or not exists_plain(*place) or stat_plain(*place).st_size != self._size + 8 * parts:
+            return nothing
+        try:
+            file = open(self._partial, "r+b", buffering=0)  # noqa: SIM115 - it stays open
+        except OSError as error:
+            raise self._failed(error) from error
+        if file.read(len(self._head)) != self._head:
+            file.close()
+            return nothing
+        self._file = file
+        return self.read(self._end, "<i8", parts).tolist()
+
+    def read(self, at: int, dtype: str, count: int) -> Array:
+        """Return values at a place among the binary data."""
+        assert self._file is not None
+        try:
+            self._file.seek(len(self._head) + at)
+            return np.frombuffer(self._file.read(np.dtype(dtype).itemsize * count), dtype)
+        except OSError as error:
+            raise self._failed(error) from error
+
     def begin(self) -> None:
         """Write all that is no frame, unless it is written."""
         if self._file is not None:
             return
         try:
+            self._partial.unlink(missing_ok=True)
             self._file = open(self._partial, "xb", buffering=0)  # noqa: SIM115 - it stays open
             self._file.truncate(self._size)
         except OSError as error:
@@ -686,6 +736,11 @@ class GltfFile:
         self.put(-len(self._head), self._head)
         for at, data in self._constant:
             self.put(at, data)
+        self.put(self._end, np.zeros(self._parts, "<i8"))
+
+    def note(self, part: int, rows: int) -> None:
+        """Note that so many frames of a part are written."""
+        self.put(self._end + 8 * part, np.array([rows], "<i8"))
 
     def put(self, at: int, data: bytes | Array) -> None:
         """Write data at its place among the binary data."""
@@ -701,10 +756,11 @@ class GltfFile:
 
     def close(self) -> list[Path]:
         """Give the file its name when the last part is closed, and return it then."""
-        self.open -= 1
-        if self.open > 0 or self._file is None:
+        self._open -= 1
+        if self._open > 0 or self._file is None:
             return []
         try:
+            self._file.truncate(self._size)
             self._file.close()
             os.replace(self._partial, self._path)
         except OSError as error:
@@ -713,10 +769,11 @@ class GltfFile:
         return [self._path]
 
     def abandon(self) -> None:
-        """Remove what is half-written."""
+        """Remove what is half-written, unless the file goes on."""
         if self._file is not None:
             self._file.close()
-            self._partial.unlink(missing_ok=True)
+            if not self._goes_on:
+                self._partial.unlink(missing_ok=True)
 
     def _failed(self, error: OSError) -> OutputError:
         return OutputError(f"{self._path}: cannot be written: {error.strerror or error}")
@@ -848,7 +905,7 @@ def packed_rotations(skin: Skin, local: Array, joints: Array, dtype: str, last: 
     """
     own = joints[0] < len(skin.parents)
     chosen = local[:, joints] if own else skin.helper_rotations(local)[:, joints - len(skin.parents)]
-    one = 1.0 if dtype == "<f4" else float(np.iinfo(dtype).max)
+    one = _one(dtype)
     packed = np.empty((1, len(joints), len(local), 4), dtype)
     pack_rotations(0, 1, np.ascontiguousarray(chosen[:, None], np.float32), last[None], one, packed)
     return packed[0]
@@ -889,6 +946,11 @@ def write_gltf(
     make_folder(path.parent)
     sink = GltfSink(sampler, path, fps, frames, avatars, rotations, builds, cameras)
     return stream_poses(sampler, float(fps), [sink], threads, progress)[0]
+
+
+def _one(dtype: str) -> float:
+    """Return what a one is stored as."""
+    return 1.0 if dtype == "<f4" else float(np.iinfo(dtype).max)
 
 
 def _whole_weights(weights: Array) -> Array:

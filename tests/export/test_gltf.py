@@ -537,3 +537,47 @@ def test_the_header_counts_all_bytes(sampler: PoseSampler, tmp_path: Path) -> No
     magic, version, length, text, kind = struct.unpack("<4sIIII", data[:20])
     assert (magic, version, length, kind) == (b"glTF", 2, len(data), 0x4E4F534A)
     assert struct.unpack("<II", data[20 + text : 28 + text]) == (len(data) - 28 - text, 0x004E4942)
+
+
+@pytest.mark.parametrize("rotations", ["float32", "int16"])
+@pytest.mark.parametrize("most", [2, 512])
+def test_what_an_interrupted_command_has_posed_is_not_posed_again(
+    sampler: PoseSampler, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rotations: str, most: int
+) -> None:
+    monkeypatch.setattr(stream, "_POSES_AT_ONCE", 21)
+    monkeypatch.setattr(stream, "_MANY_AVATARS", most)
+    output = GlbOutput(fps=30.0, rotations=rotations, camera="fight")
+    for name in ("whole", "again"):
+        (tmp_path / name).mkdir()
+    whole = write_posed(sampler, tmp_path / "whole", [output])["glb"][0].read_bytes()
+    counts, sample, note, stops = [], PoseSampler.sample, gltf.GltfFile.note, [25, 60]
+
+    def counted(self: PoseSampler, start: int, stop: int, *others: object) -> object:
+        counts[-1] += stop - start
+        return sample(self, start, stop, *others)
+
+    def interrupted(self: gltf.GltfFile, part: int, rows: int) -> None:
+        note(self, part, rows)
+        if stops and rows > stops[0]:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(PoseSampler, "sample", counted)
+    monkeypatch.setattr(gltf.GltfFile, "note", interrupted)
+    while stops:
+        counts.append(0)
+        with pytest.raises(KeyboardInterrupt):
+            write_posed(sampler, tmp_path / "again", [output])
+        stops.pop(0)
+        assert not list((tmp_path / "again" / "glb").glob("*.glb"))
+    counts.append(0)
+    (path,) = write_posed(sampler, tmp_path / "again", [output])["glb"][:1]
+    assert path.read_bytes() == whole
+    frames, parts = sampler.take.output_frames(30.0), 2 if most == 2 else 1
+    assert counts[2] <= parts * frames - 60
+    assert sorted(file.name for file in path.parent.iterdir()) == ["avatars.csv", "take.glb"]
+    # Of another file nothing is taken over.
+    for part in ("short", "long"):
+        half = tmp_path / part / "glb" / ".take.glb.part"
+        half.parent.mkdir(parents=True)
+        half.write_bytes(b"x" * (len(whole) + 8 * parts if part == "long" else 100))
+        assert write_posed(sampler, tmp_path / part, [output])["glb"][0].read_bytes() == whole
