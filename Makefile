@@ -40,8 +40,8 @@ demo: system $(VENV)/.installed
 test: system $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not browser"
 
-# Slow tests run every benchmark, so they need the packages that benchmarks compare with.
-test-slow: system $(VENV)/.installed-bench
+# Slow tests run every benchmark, so they need the packages that benchmarks compare with; and Blender, where it installs.
+test-slow: system $(VENV)/.installed-bench $(VENV)/.installed-blender
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m slow
 
 # Pages of the player in Chromium, without a window. With CI=true a browser that is missing fails the tests.
@@ -53,6 +53,13 @@ test-browser: $(VENV)/.installed-test
 $(VENV)/.installed-bench: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,bench]'
 	touch $@ $(VENV)/.installed-test $(VENV)/.installed
+
+# Blender as a package wants one version of Python and an older numpy, and so has an environment of its own.
+$(VENV)/.installed-blender: | $(BIN)/python
+	$(PYTHON) -m venv $(VENV)/blender
+	$(VENV)/blender/bin/python -m pip install --quiet --disable-pip-version-check --only-binary :all: bpy \
+	  || echo "the package bpy does not install for this Python: its test is skipped"
+	touch $@
 
 # Trains what ships trained, and builds dist/crowdsim-*.whl with it, which never trains it again where it is installed.
 wheel: $(VENV)/.installed

@@ -16,6 +16,7 @@ from crowdsim.body.kernels import skin_vertices
 from crowdsim.body.meshing import largest_piece, refine, relax, surface_nets, thin, vertex_normals
 from crowdsim.body.parts import SKIN_PARTS, dress, wanted_lengths
 from crowdsim.body.store import kept_arrays
+from crowdsim.body.textures import texture_places
 from crowdsim.body.weights import bending_joints, bind_vertices, bone_axes, limb_shares
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
@@ -54,6 +55,7 @@ class Skin:
         axes: Along which bones grow longer, in the frames of joints. Shape (J + 4, 3).
         thickens: Which are thicker the greater the girth. Shape (J + 4,), bool.
         girth: Girth of an avatar whose skin this is as it is.
+        places: Where vertices lie on textures, see ``texture_places``. Shape (V, 2), float32.
     """
 
     vertices: Array
@@ -70,6 +72,7 @@ class Skin:
     axes: Array
     thickens: Array
     girth: float
+    places: Array
 
     def growth(self, girth: float, lengths: Array) -> tuple[Array, Array]:
         """Return what an avatar of another girth and other lengths of bones has instead, in the same binding pose.
@@ -233,6 +236,7 @@ def _build(skeleton: Skeleton, body: Body, build: Build, poses: Array | None, co
     limbs = limb_shares(shapes, names, binding, vertices, triangles)
     joints, weights = bind_vertices(skeleton, body, binding, vertices, limbs)
     _, smooth = evaluate(shapes, vertices)
+    bare = vertices
     vertices, triangles, parts, origins = raised(vertices, smooth)
     # Normals of the field show more than triangles have, but soles are no part of it.
     normals = vertex_normals(vertices, triangles)
@@ -261,6 +265,7 @@ def _build(skeleton: Skeleton, body: Body, build: Build, poses: Array | None, co
         axes=np.concatenate([axes, mean / np.linalg.norm(mean, axis=1, keepdims=True)]),
         thickens=np.append(thickens, thickens[helpers]),
         girth=GIRTHS[build.kind],
+        places=texture_places(binding, bare)[origins],
     )
 
 

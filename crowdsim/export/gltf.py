@@ -3,7 +3,7 @@
 Every size is known before the first pose, so that the description is written first and blocks of poses are put at
 their places; memory does not grow with the take. Each avatar has a tree of joints and a skinned mesh at the root of the
 scene; avatars of one girth and one length of legs and arms share vertices, all of a build share triangles and weights.
-Helper joints ``...Half`` turn half as far as elbows and knees.
+Helper joints ``...Half`` turn half as far as elbows and knees. Cloth, hair, leather and skin have textures.
 """
 
 from __future__ import annotations
@@ -29,13 +29,14 @@ from crowdsim.body.looks import build_of, roughness
 from crowdsim.body.palette import avatar_paints, skin_paints
 from crowdsim.body.parts import SKIN_PARTS
 from crowdsim.body.skin import Skin, build_skin_of
+from crowdsim.body.textures import TEXTURES, texture_png
 from crowdsim.core.types import Array, Progress
 from crowdsim.crowd.events import OUTCOMES
 from crowdsim.errors import OutputError
 from crowdsim.export.gltf_kernels import pack_rotations
 from crowdsim.export.prop_meshes import GLOSS, PropMesh, prop_meshes
 from crowdsim.export.stream import Block, run_all, stream_poses
-from crowdsim.files import make_folder
+from crowdsim.files import exists_plain, make_folder, stat_plain
 from crowdsim.motion import quaternion
 from crowdsim.motion.database import MotionDatabase
 from crowdsim.motion.skeleton import Skeleton
@@ -50,7 +51,7 @@ _ROTATIONS = {"float32": ("<f4", "<i2", "<i2"), "int16": ("<i2", "<i2", "i1")}
 """How rotations are stored: those of joints that carry joints or props; those of other joints, which as 16 bits put
 their skin within 0.01 mm; and those of helpers, which only move a fold of skin."""
 _COMPONENTS = {"|i1": 5120, "|u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125, "<f4": 5126}
-_KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+_KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 _VERTICES, _INDICES = 34962, 34963
 _LARGEST = 2**32 - 1
 """Bytes of a binary glTF file at the most, whose header counts them in 32 bits."""
@@ -97,6 +98,7 @@ class GltfSink:
         rotations: ``float32``, or ``int16``, which takes half the place.
         builds: Build of each avatar of the take; by its girth when None.
         cameras: Cameras that come along, which have as many frames as the file.
+        goes_on: Whether frames that an interrupted process has written are kept, for one that writes the same.
 
     Raises:
         OutputError: The file would be larger than glTF files can be.
@@ -116,9 +118,11 @@ class GltfSink:
         rotations: str = "float32",
         builds: Sequence[Build] | None = None,
         cameras: Sequence[CameraPath] = (),
+        goes_on: bool = False,
     ) -> None:
         take = sampler.take
         self.start, self.stop = frames or (0, take.output_frames(float(fps)))
+        self._first, self._frames = self.start, self.stop - self.start
         numbers: Array = np.arange(take.avatar_count) if avatars is None else np.unique(np.asarray(avatars))
         self._sampler, self._path, self._fps, self._rotations = sampler, path, exact_rate(fps), rotations
         there = {int(number): sampler.present(int(number), self.start, self.stop, float(fps)) for number in numbers}
@@ -128,8 +132,9 @@ class GltfSink:
         self._builds = [build_of(take.cast, number) for number in everyone] if builds is None else list(builds)
         self._places: dict[int, _Place] = {}
         self._stills: dict[int, tuple[Array, Array]] = {}
-        self._rows, self._cameras = 0, cameras
-        self._shared = GltfFile(path, self._describe(there))
+        self._rows, self._part, self._cameras = 0, 0, cameras
+        self._shared = GltfFile(path, self._describe(there), goes_on)
+        self._resume(*self._shared.resume(1))
 
     @property
     def total(self) -> int:
@@ -139,17 +144,31 @@ class GltfSink:
     @property
     def done(self) -> int:
         """Share of the frames written so far."""
-        return self.total * self._rows // (self.stop - self.start)
+        return self.total * self._rows // self._frames
 
     def split(self, most: int) -> list[GltfSink]:
         """Return sinks of a few avatars each that write into the same file, since each avatar's frames lie together."""
-        parts = []
+        if len(self.avatars) <= most:
+            return [self]
+        parts = list[GltfSink]()
         for low in range(0, len(self.avatars), most):
             part = copy.copy(self)
-            part.avatars = self.avatars[low : low + most]
+            part.avatars, part._part = self.avatars[low : low + most], len(parts)
             parts.append(part)
-        self._shared.open = len(parts)
+        for part, rows in zip(parts, self._shared.resume(len(parts)), strict=True):
+            part._resume(rows)
         return parts
+
+    def _resume(self, rows: int) -> None:
+        """Go on after so many frames, which the file holds already."""
+        self.start, self._rows = self._first + rows, rows
+        for place in (self._places[number] for number in self.avatars.tolist() if rows):
+            place.root = self._shared.read(place.roots + 12 * (rows - 1), "<f4", 3).astype(float)
+            for joints, dtype, last, at in place.tracks:
+                one, size = _one(dtype), 4 * np.dtype(dtype).itemsize
+                for number in range(len(joints)):
+                    packed = self._shared.read(at + size * (number * self._frames + rows - 1), dtype, 4)
+                    last[number] = packed[[3, 0, 1, 2]] / one
 
     def write(self, block: Block, pool: ThreadPoolExecutor) -> None:
         """Put a block of frames at its places; there is no file where no avatar ever comes."""
@@ -165,8 +184,9 @@ class GltfSink:
             if int(poses.avatars[column]) in chosen
         ]
         self._shared.begin()
-        run_all(pool, lambda item: self._append(*item, rows, low - self.start), work)
-        self._rows = high - self.start
+        run_all(pool, lambda item: self._append(*item, rows, low - self._first), work)
+        self._rows = high - self._first
+        self._shared.note(self._part, self._rows)
 
     def _append(self, poses: Poses, column: int, rows: slice, first: int) -> None:
         place = self._places[int(poses.avatars[column])]
@@ -184,16 +204,12 @@ class GltfSink:
             for number, values in enumerate(packed):
                 self._shared.put(at + 4 * packed.itemsize * (number * self._frames + first), values)
 
-    @property
-    def _frames(self) -> int:
-        return self.stop - self.start
-
     def close(self) -> list[Path]:
         """Give the file its name when all parts are written, and return it."""
         return self._shared.close()
 
     def abandon(self) -> None:
-        """Remove what is half-written."""
+        """Remove what is half-written, unless the file goes on."""
         self._shared.abandon()
 
     def _describe(self, there: dict[int, Array]) -> Document:
@@ -342,7 +358,7 @@ class GltfSink:
                 "victim": int(events.victim[row]),
                 "limb": LIMBS[int(events.limb[row])],
                 "outcome": OUTCOMES[int(events.outcome[row])],
-                "damage": round(float(events.damage[row]), 3),
+                **({"damage": round(float(events.damage[row]), 3)} if events.damage[row] > 0.0 else {}),
                 "point": [round(float(value), 4) for value in events.point[row]],
             }
             for row in np.flatnonzero(inside)
@@ -396,6 +412,7 @@ class Document:
         self.constant: list[tuple[int, bytes]] = []
         self.materials: dict[tuple[tuple[int, ...], bytes], int] = {}
         self.props: dict[bytes, int] = {}
+        self.textures: dict[str, tuple[int, Array]] = {}
         self.size = 0
 
     def add(self, values: Array, target: int | None = None, limits: bool = False) -> int:
@@ -440,10 +457,12 @@ class Document:
             shared = {
                 "JOINTS_0": self.add(skin.joints, _VERTICES),
                 "WEIGHTS_0": self.add(_whole_weights(skin.weights), _VERTICES),
+                "TEXCOORD_0": self.add(skin.places, _VERTICES),
             }
             triangles = dict[tuple[int, ...], int]()
         else:
-            shared, triangles = {key: alike.attributes[key] for key in ("JOINTS_0", "WEIGHTS_0")}, alike.triangles
+            keys = "JOINTS_0", "WEIGHTS_0", "TEXCOORD_0"
+            shared, triangles = {key: alike.attributes[key] for key in keys}, alike.triangles
         matrices = np.zeros((len(skin.positions), 4, 4), "<f4")
         matrices[:, :3] = skin.inverse_bindings()
         matrices[:, 3, 3] = 1.0
@@ -502,16 +521,20 @@ class Document:
             "skeleton": first + 1,
             "joints": list(range(first + 1, first + 1 + len(parents))),
         })  # fmt: skip
-        alike = dict[tuple[float, ...], list[int]]()
+        alike = dict[tuple[Any, ...], list[int]]()
         for part in np.unique(skin.parts).tolist():
-            alike.setdefault((*paints[part, :3].tolist(), roughness(part)), []).append(part)
+            key = *paints[part, :3].tolist(), roughness(part), TEXTURES.get(SKIN_PARTS[part])
+            alike.setdefault(key, []).append(part)
         primitives = []
         for parts in map(tuple, alike.values()):
             if parts not in added.triangles:
                 chosen = skin.triangles[np.isin(skin.parts, parts)]
                 added.triangles[parts] = self.add(chosen.astype("<u2").ravel(), _INDICES)
             material = self.material(parts, paints[parts[0], :3])
-            primitives.append({"attributes": added.attributes, "indices": added.triangles[parts], "material": material})
+            # Validators note coordinates that no texture uses.
+            unused = () if SKIN_PARTS[parts[0]] in TEXTURES else ("TEXCOORD_0",)
+            attributes = {key: value for key, value in added.attributes.items() if key not in unused}
+            primitives.append({"attributes": attributes, "indices": added.triangles[parts], "material": material})
         self.json["meshes"].append({"name": name, "primitives": primitives})
         skinned = len(self.json["meshes"]) - 1
         self.nodes.append({"name": f"{name} skin", "mesh": skinned, "skin": len(self.json["skins"]) - 1})
@@ -606,13 +629,33 @@ class Document:
         return len(self.json["meshes"]) - 1
 
     def material(self, parts: tuple[int, ...], colour: Array) -> int:
-        """Return the material of parts of one roughness in a linear colour, named after them."""
+        """Return the material of parts of one roughness and texture in a linear colour, named after them."""
         key, known = (parts, np.round(colour, 4).tobytes()), self.materials
         if key not in known:
-            linear = [round(float(value), 4) for value in colour]
             name = "+".join(SKIN_PARTS[part] for part in parts)
+            texture, most = self._texture(SKIN_PARTS[parts[0]])
+            linear = [round(min(float(value), 1.0), 4) for value in colour * most]
             known[key] = self._add_material(name, linear, roughness(parts[0]))
+            if texture is not None:
+                shown = self.json["materials"][-1]["pbrMetallicRoughness"]
+                shown["baseColorTexture"] = {"index": texture}
         return known[key]
+
+    def _texture(self, part: str) -> tuple[int | None, Array]:
+        """Return the texture of a part, added once, and the linear colour that takes it to white in the mean."""
+        name = TEXTURES.get(part)
+        if name is None:
+            return None, np.ones(3)
+        if name not in self.textures:
+            data, most = texture_png(name)
+            images, textures = (self.json.setdefault(key, []) for key in ("images", "textures"))
+            images.append({"name": name, "mimeType": "image/png", "bufferView": len(self.json["bufferViews"])})
+            self.json["bufferViews"].append({"buffer": 0, "byteOffset": self.size, "byteLength": len(data)})
+            self.constant.append((self.size, data))
+            self.size += -(-len(data) // 4) * 4
+            textures.append({"source": len(images) - 1})
+            self.textures[name] = len(textures) - 1, most
+        return self.textures[name]
 
     def _add_material(self, name: str, colour: Sequence[float], rough: float) -> int:
         """Add a material in a linear colour, and return it."""
@@ -626,11 +669,20 @@ class Document:
 
 
 class GltfFile:
-    """The file while it is written, of a sink or of the parts that one was split into."""
+    """The file while it is written, of a sink or of the parts that one was split into.
 
-    def __init__(self, path: Path, document: Document) -> None:
-        self.open, self._path, self._constant = 1, path, document.constant
-        self._partial = path.with_name(f".{path.name[:100]}.{uuid.uuid4().hex}.part")
+    Until it is whole, how many frames of each part are written follows its last byte, eight bytes a part.
+
+    Args:
+        path: The file.
+        document: What is in it.
+        goes_on: Whether what an interrupted process has written is kept, under a name that the next one knows.
+    """
+
+    def __init__(self, path: Path, document: Document, goes_on: bool = False) -> None:
+        self._open, self._parts, self._path, self._constant = 1, 1, path, document.constant
+        self._goes_on, self._end = goes_on, document.size
+        self._partial = path.with_name(f".{path.name[:100]}.{'' if goes_on else uuid.uuid4().hex + '.'}part")
         self._file: BinaryIO | None = None
         self._lock = threading.Lock()
         document.json["buffers"] = [{"byteLength": document.size}]
@@ -646,11 +698,37 @@ class GltfFile:
         self._head = struct.pack("<4sIIII", b"glTF", 2, size, len(text), 0x4E4F534A) + text
         self._head += struct.pack("<II", document.size, 0x004E4942)
 
+    def resume(self, parts: int) -> list[int]:
+        """Return how many frames of each part an interrupted process has written, and go on with its file."""
+        self._open = self._parts = parts
+        nothing, place = [0] * parts, (self._partial.parent, self._partial.name)
+        if not self._goes_on or not exists_plain(*place) or stat_plain(*place).st_size != self._size + 8 * parts:
+            return nothing
+        try:
+            file = open(self._partial, "r+b", buffering=0)  # noqa: SIM115 - it stays open
+        except OSError as error:
+            raise self._failed(error) from error
+        if file.read(len(self._head)) != self._head:
+            file.close()
+            return nothing
+        self._file = file
+        return self.read(self._end, "<i8", parts).tolist()
+
+    def read(self, at: int, dtype: str, count: int) -> Array:
+        """Return values at a place among the binary data."""
+        assert self._file is not None
+        try:
+            self._file.seek(len(self._head) + at)
+            return np.frombuffer(self._file.read(np.dtype(dtype).itemsize * count), dtype)
+        except OSError as error:
+            raise self._failed(error) from error
+
     def begin(self) -> None:
         """Write all that is no frame, unless it is written."""
         if self._file is not None:
             return
         try:
+            self._partial.unlink(missing_ok=True)
             self._file = open(self._partial, "xb", buffering=0)  # noqa: SIM115 - it stays open
             self._file.truncate(self._size)
         except OSError as error:
@@ -658,6 +736,11 @@ class GltfFile:
         self.put(-len(self._head), self._head)
         for at, data in self._constant:
             self.put(at, data)
+        self.put(self._end, np.zeros(self._parts, "<i8"))
+
+    def note(self, part: int, rows: int) -> None:
+        """Note that so many frames of a part are written."""
+        self.put(self._end + 8 * part, np.array([rows], "<i8"))
 
     def put(self, at: int, data: bytes | Array) -> None:
         """Write data at its place among the binary data."""
@@ -673,10 +756,11 @@ class GltfFile:
 
     def close(self) -> list[Path]:
         """Give the file its name when the last part is closed, and return it then."""
-        self.open -= 1
-        if self.open > 0 or self._file is None:
+        self._open -= 1
+        if self._open > 0 or self._file is None:
             return []
         try:
+            self._file.truncate(self._size)
             self._file.close()
             os.replace(self._partial, self._path)
         except OSError as error:
@@ -685,10 +769,11 @@ class GltfFile:
         return [self._path]
 
     def abandon(self) -> None:
-        """Remove what is half-written."""
+        """Remove what is half-written, unless the file goes on."""
         if self._file is not None:
             self._file.close()
-            self._partial.unlink(missing_ok=True)
+            if not self._goes_on:
+                self._partial.unlink(missing_ok=True)
 
     def _failed(self, error: OSError) -> OutputError:
         return OutputError(f"{self._path}: cannot be written: {error.strerror or error}")
@@ -820,7 +905,7 @@ def packed_rotations(skin: Skin, local: Array, joints: Array, dtype: str, last: 
     """
     own = joints[0] < len(skin.parents)
     chosen = local[:, joints] if own else skin.helper_rotations(local)[:, joints - len(skin.parents)]
-    one = 1.0 if dtype == "<f4" else float(np.iinfo(dtype).max)
+    one = _one(dtype)
     packed = np.empty((1, len(joints), len(local), 4), dtype)
     pack_rotations(0, 1, np.ascontiguousarray(chosen[:, None], np.float32), last[None], one, packed)
     return packed[0]
@@ -861,6 +946,11 @@ def write_gltf(
     make_folder(path.parent)
     sink = GltfSink(sampler, path, fps, frames, avatars, rotations, builds, cameras)
     return stream_poses(sampler, float(fps), [sink], threads, progress)[0]
+
+
+def _one(dtype: str) -> float:
+    """Return what a one is stored as."""
+    return 1.0 if dtype == "<f4" else float(np.iinfo(dtype).max)
 
 
 def _whole_weights(weights: Array) -> Array:

@@ -126,8 +126,9 @@ class GlbOutput(PosedOutput):
             return SplitGltfSink(sampler, paths, self.rate, frames, wanted, self.rotations)
         cameras = [] if self.camera is None else _camera_paths(sampler, self.camera, self.rate, frames)
         return GltfSink(
-            sampler, folder / Path(_FILE).name, self.rate, frames, self.numbers, self.rotations, cameras=cameras
-        )
+            sampler, folder / Path(_FILE).name, self.rate, frames, self.numbers, self.rotations, cameras=cameras,
+            goes_on=missing is not None,
+        )  # fmt: skip
 
 
 def _camera_paths(sampler: PoseSampler, camera: Chosen, fps: float, frames: tuple[int, int]) -> list[CameraPath]:

@@ -282,9 +282,11 @@ def refuse_others(base: Path, planned: Set[str], ledger: Ledger) -> None:
         held |= {
             name for name in planned & ledger.files.keys() if not exists_plain(base, name) and lexists(base / name)
         }
+        # No file, of ours neither, may be where a folder is wanted.
+        files = {name for name in folders - {""} if exists_plain(base, name)}
     except OSError as error:
         raise OutputError(f"{error.filename or base}: cannot be read: {error.strerror or error}") from None
-    for name in sorted(held - {NAME, OUTPUTS, *LOCKS}):
+    for name in sorted((held - {NAME, OUTPUTS, *LOCKS}) | files):
         if name in planned or name in folders or (TAKE in planned and name.startswith(f"{TAKE}/")):
             raise OutputError(_in_the_way(base / name))
 
@@ -343,7 +345,8 @@ def write_together(
 
     Raises:
         TakeError: A list of files is damaged.
-        OutputError: The folder is in use, is another run's, holds files of these names, or cannot be written.
+        OutputError: The folder is in use, is another run's or in a take, holds files of these names, or cannot be
+            written.
         RunError: A file cannot be written.
     """
     found = find_base(out)
@@ -351,6 +354,8 @@ def write_together(
     own = found is not None and run is not None and realpath(run) == realpath(base)
     if found is not None and run is not None and not own:
         raise OutputError(f"{out}: is in the folder of another run, {base}; expected another folder")
+    if above.partition("/")[0] in (TAKE, *STAGES):
+        raise OutputError(f"{out}: is in what crowdsim keeps of the run {base}; expected another folder")
     key = checksum({"asked": wanted.asked, "from": dict(wanted.made_from)})
     inside = f"{above}/" if above else ""
     asked = {f"{inside}{label}": facts for label, facts in wanted.asked.items()}

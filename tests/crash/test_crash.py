@@ -32,6 +32,7 @@ OUTPUTS = {
 RUN = ["run", "four.yaml", "--threads", "1", "--out", "work"]
 EXTEND = [*RUN, "--extend", "20"]
 EXPORT = ["export", "work", "--bvh", "--ply", "--fps", "24", "--every", "3", "--points", "30", "--threads", "1"]
+SKINS = ["export", "work", "--glb", "--clips", "--fps", "120", "--threads", "1"]
 PICTURES = ["--png", "--mp4", "--contact-sheet", "3", "--size", "40x30", "--fps", "4", "--camera", "side"]
 RENDER = ["render", "work", *PICTURES, "--threads", "1"]
 TRAIN = ["train", "tiny", "--force", "--threads", "1"]
@@ -79,6 +80,7 @@ def do_undisturbed(server: Server, name: str) -> Task:
         "run": (RUN, clear),
         "extend": (EXTEND, finished),
         "export": (EXPORT, finished),
+        "skins": (SKINS, finished),
         "render": (RENDER, finished),
         "train": (TRAIN, lambda: None),
     }[name]
@@ -158,8 +160,8 @@ def crash(server: Server, name: str, task: Task, kills: int, rng: random.Random)
     return ends
 
 
-SHORT = {"run": 3, "export": 2}
-LONG = {"run": 80, "extend": 30, "export": 40, "render": 30, "train": 20}
+SHORT = {"run": 3, "export": 2, "skins": 2}
+LONG = {"run": 80, "extend": 30, "export": 40, "skins": 20, "render": 30, "train": 20}
 
 
 @pytest.mark.parametrize("kills", [SHORT, pytest.param(LONG, marks=pytest.mark.slow)], ids=["short", "long"])

@@ -133,6 +133,7 @@ COMMANDS = {
         "1",
         "-q",
     ],
+    "skins": ["export", "work", "--glb", "--clips", "--fps", "10", "--threads", "1", "-q"],
     "render": [
         "render",
         "work",
@@ -164,7 +165,7 @@ def make_scene(workplace: Path, is_short: bool) -> Path:
 def prepare(scene: Path, name: str) -> None:
     """Put what a command begins with into the folder ``work``."""
     shutil.rmtree(scene / "work", ignore_errors=True)
-    if name in ("extend", "export", "render"):
+    if name in ("extend", "export", "skins", "render"):
         shutil.copytree(scene / "run", scene / "work")
 
 
@@ -222,8 +223,10 @@ def check_failing(
     [
         ("run", 71),
         ("export", 71),
+        ("skins", 97),
         ("train", 7),
         *(pytest.param(name, 2, marks=pytest.mark.slow) for name in ("export", "render", "run")),
+        pytest.param("skins", 11, marks=pytest.mark.slow),
     ],
 )
 def test_a_failing_disk_is_a_clear_error_and_the_command_can_be_completed(

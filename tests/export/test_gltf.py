@@ -1,5 +1,6 @@
 """A glTF file through another reader, beside the poses and our own skinning."""
 
+import io
 import json
 import shutil
 import struct
@@ -10,13 +11,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from pydantic import ValidationError
 from scenes import write_scene
 from test_exports import COMING
 
 from crowdsim.body.anatomy import Build
 from crowdsim.body.looks import usual_build
+from crowdsim.body.palette import avatar_paints, skin_paints
+from crowdsim.body.parts import SKIN_PARTS
 from crowdsim.body.skin import build_skin, pose_skins
+from crowdsim.body.textures import TEXTURES
 from crowdsim.crowd.attachments import WOOD
 from crowdsim.crowd.props import FACE, PROP
 from crowdsim.errors import CrowdsimError, OutputError
@@ -39,7 +44,7 @@ from crowdsim.scenario.scenario import load_scenario
 pygltflib = pytest.importorskip("pygltflib")
 FPS = Fraction(24000, 1001)
 DTYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
 @pytest.fixture(scope="module")
@@ -184,6 +189,8 @@ def test_extras_say_teams_types_and_strikes(sampler: PoseSampler, tmp_path: Path
     assert found == {"avatar": 2, "sex": "male", "build": "heavy", "team": "blue", "type": "large"}
     strikes, table = scene.gltf.scenes[0].extras["strikes"], sampler.take.strikes()
     assert [strike["attacker"] for strike in strikes] == list(table["attacker"])
+    harm = sampler.take.events.damage
+    np.testing.assert_allclose([strike.get("damage", 0.0) for strike in strikes], harm, atol=1e-3)
     np.testing.assert_allclose([strike["seconds"] for strike in strikes], table["seconds"], atol=1e-3)
 
 
@@ -201,6 +208,42 @@ def test_types_are_told_apart_by_their_shorts(sampler: PoseSampler, tmp_path: Pa
             assert len({(*look.baseColorFactor, look.roughnessFactor) for look in looks}) == len(looks)
     plain = {"shorts", "stripes", "hems", "crossings"}
     assert shorts == {"red_0 skin": plain, "red_1 skin": plain, "late_0 skin": {"shorts", "hems"}}
+
+
+def test_cloth_hair_leather_and_skin_have_textures_in_the_colours_of_pictures(
+    sampler: PoseSampler, tmp_path: Path
+) -> None:
+    (path,) = write_gltf(sampler, tmp_path / "crowd.glb", fps=30, frames=(0, 60))
+    scene, cast = Scene(path), sampler.take.cast
+    gltf, linear = scene.gltf, {}
+    for texture in gltf.textures:
+        image = gltf.images[texture.source]
+        view = gltf.bufferViews[image.bufferView]
+        data = scene.blob[view.byteOffset : view.byteOffset + view.byteLength]
+        shown = np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), float) / 255.0
+        shown = np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)
+        linear[image.name] = shown.mean(axis=(0, 1))
+    assert sorted(linear) == ["cloth", "hair", "leather", "skin"]
+    dresses = avatar_paints(cast.teams, np.asarray(cast.colours, float)[cast.types])
+    seen = set()
+    for node in gltf.nodes:
+        if node.skin is None:
+            continue
+        avatar = cast.names.tolist().index(node.name.split()[0])
+        paints = skin_paints(avatar, dresses[avatar], int(cast.types[avatar]))
+        for primitive in gltf.meshes[node.mesh].primitives:
+            material = gltf.materials[primitive.material]
+            part = material.name.split("+")[0]
+            shown, texture = material.pbrMetallicRoughness, TEXTURES.get(part)
+            colour = np.array(shown.baseColorFactor[:3])
+            assert (shown.baseColorTexture is None) == (texture is None)
+            assert (primitive.attributes.TEXCOORD_0 is None) == (texture is None)
+            if texture is not None:
+                assert gltf.images[gltf.textures[shown.baseColorTexture.index].source].name == texture
+                colour = colour * linear[texture]
+                seen.add(part)
+            np.testing.assert_allclose(colour, paints[SKIN_PARTS.index(part), :3], atol=0.02)
+    assert {"skin", "hair", "shorts", "gloves", "shoes"} <= seen
 
 
 def test_types_have_bodies_of_their_sex_and_with_their_hands(sampler: PoseSampler, tmp_path: Path) -> None:
@@ -494,3 +537,47 @@ def test_the_header_counts_all_bytes(sampler: PoseSampler, tmp_path: Path) -> No
     magic, version, length, text, kind = struct.unpack("<4sIIII", data[:20])
     assert (magic, version, length, kind) == (b"glTF", 2, len(data), 0x4E4F534A)
     assert struct.unpack("<II", data[20 + text : 28 + text]) == (len(data) - 28 - text, 0x004E4942)
+
+
+@pytest.mark.parametrize("rotations", ["float32", "int16"])
+@pytest.mark.parametrize("most", [2, 512])
+def test_what_an_interrupted_command_has_posed_is_not_posed_again(
+    sampler: PoseSampler, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rotations: str, most: int
+) -> None:
+    monkeypatch.setattr(stream, "_POSES_AT_ONCE", 21)
+    monkeypatch.setattr(stream, "_MANY_AVATARS", most)
+    output = GlbOutput(fps=30.0, rotations=rotations, camera="fight")
+    for name in ("whole", "again"):
+        (tmp_path / name).mkdir()
+    whole = write_posed(sampler, tmp_path / "whole", [output])["glb"][0].read_bytes()
+    counts, sample, note, stops = [], PoseSampler.sample, gltf.GltfFile.note, [25, 60]
+
+    def counted(self: PoseSampler, start: int, stop: int, *others: object) -> object:
+        counts[-1] += stop - start
+        return sample(self, start, stop, *others)
+
+    def interrupted(self: gltf.GltfFile, part: int, rows: int) -> None:
+        note(self, part, rows)
+        if stops and rows > stops[0]:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(PoseSampler, "sample", counted)
+    monkeypatch.setattr(gltf.GltfFile, "note", interrupted)
+    while stops:
+        counts.append(0)
+        with pytest.raises(KeyboardInterrupt):
+            write_posed(sampler, tmp_path / "again", [output])
+        stops.pop(0)
+        assert not list((tmp_path / "again" / "glb").glob("*.glb"))
+    counts.append(0)
+    (path,) = write_posed(sampler, tmp_path / "again", [output])["glb"][:1]
+    assert path.read_bytes() == whole
+    frames, parts = sampler.take.output_frames(30.0), 2 if most == 2 else 1
+    assert counts[2] <= parts * frames - 60
+    assert sorted(file.name for file in path.parent.iterdir()) == ["avatars.csv", "take.glb"]
+    # Of another file nothing is taken over.
+    for part in ("short", "long"):
+        half = tmp_path / part / "glb" / ".take.glb.part"
+        half.parent.mkdir(parents=True)
+        half.write_bytes(b"x" * (len(whole) + 8 * parts if part == "long" else 100))
+        assert write_posed(sampler, tmp_path / part, [output])["glb"][0].read_bytes() == whole

@@ -222,6 +222,31 @@ def test_exports_and_pictures_of_a_run_do_not_go_into_another_one(place: Path, c
     assert (tree(place / "other"), (place / "other" / NAME).read_bytes()) == before
 
 
+@pytest.mark.parametrize(
+    ("out", "why"),
+    [
+        ("run/take.zarr", "is in what crowdsim keeps of the run"),
+        ("run/take.zarr/more", "is in what crowdsim keeps of the run"),
+        (f"run/{EXPORT}/more", "is in what crowdsim keeps of the run"),
+        (f"run/{NAME}", "is in the way of what is to be written"),
+        ("run/scenario.resolved.yaml", "is in the way of what is to be written"),
+    ],
+)
+def test_exports_and_pictures_go_neither_into_the_take_nor_into_a_file_of_their_run(
+    place: Path, capsys, out: str, why: str
+) -> None:
+    before = tree(place / "run"), (place / "run" / NAME).read_bytes()
+    for words in (("export", "run", "--glb", "--frames", "0:3"), PICTURE):
+        for force in ((), ("--force",)):
+            capsys.readouterr()
+            assert crowdsim(*words, "--out", out, *force) == 2
+            assert f"{out}: {why}" in capsys.readouterr().err
+    assert (tree(place / "run"), (place / "run" / NAME).read_bytes()) == before
+    assert not list((place / "run").glob(".*.partial"))
+    assert crowdsim("export", "run", "--glb", "--frames", "0:3") == 0
+    assert crowdsim("verify", "run") == 0
+
+
 OUT = {
     "export": ("export", "run", "--bvh", "--frames", "0:3", "--out", "out"),
     "render": (

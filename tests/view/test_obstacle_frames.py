@@ -47,7 +47,7 @@ def test_frames_reach_as_far_as_their_parts(frames) -> None:
         assert points[:, 1].min() == 0.0
         assert points[:, 1].max() == pytest.approx(part["height"])
         far = np.hypot(points[:, 0] - part["x"], points[:, 2] - part["z"]).max()
-        assert far <= np.hypot(part["half_along"], part["half_across"]) * 1.5 + 0.01
+        assert far <= (np.hypot(part["half_along"], part["half_across"]) + part["radius"]) * 1.5 + 0.01
         assert far >= part["half_along"] - 0.01
 
 
