@@ -160,7 +160,8 @@ class GltfSink:
         return parts
 
     def _resume(self, rows: int) -> None:
-        """Go on after so many frames, which the file holds already."""
+        """Go on after so many frames, which the file holds already; from the first where there cannot be so many."""
+        rows = rows if 0 <= rows <= self._frames else 0
         self.start, self._rows = self._first + rows, rows
         for place in (self._places[number] for number in self.avatars.tolist() if rows):
             place.root = self._shared.read(place.roots + 12 * (rows - 1), "<f4", 3).astype(float)

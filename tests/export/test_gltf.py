@@ -575,7 +575,12 @@ def test_what_an_interrupted_command_has_posed_is_not_posed_again(
     frames, parts = sampler.take.output_frames(30.0), 2 if most == 2 else 1
     assert counts[2] <= parts * frames - 60
     assert sorted(file.name for file in path.parent.iterdir()) == ["avatars.csv", "take.glb"]
-    # Of another file nothing is taken over.
+    # Of a file that has all its frames nothing is posed; of another, and where more are noted, nothing is taken over.
+    for rows in (-1, frames, frames + 1):
+        half = tmp_path / f"noted {rows}" / "glb" / ".take.glb.part"
+        half.parent.mkdir(parents=True)
+        half.write_bytes(whole + np.full(parts, rows, "<i8").tobytes())
+        assert write_posed(sampler, half.parent.parent, [output])["glb"][0].read_bytes() == whole
     for part in ("short", "long"):
         half = tmp_path / part / "glb" / ".take.glb.part"
         half.parent.mkdir(parents=True)
