@@ -91,6 +91,16 @@ def find_surface(bodies: PosedBodies, arms: Array | bool = True) -> Surface:
     )
 
 
+def find_lower_arms(bodies: PosedBodies, arms: Array | bool = True) -> Surface:
+    """Return the capsules of forearms and hands at one time; ``arms`` says which bodies (n,) have any."""
+    body, order = bodies.body, capsule_order(bodies.body)
+    joints = [body.roles[f"{side}_{role}"] for side in ("left", "right") for role in ("elbow", "hand")]
+    capsules, shown = place_capsules([bodies], 1, len(bodies.columns)), np.isin(body.capsule_joints[order], joints)
+    starts, ends = (values[0][:, shown].astype(float) for values in (capsules.starts, capsules.ends))
+    radii = np.where(np.reshape(arms, (-1, 1, 1)), capsules.radii[:, shown], -1.0)
+    return Surface(starts, ends - starts, radii)
+
+
 def _surface_kinds(body: Body) -> Array:
     """Return what each capsule is in ``_FIT``, empty where skins are not looked for. Shape (K,), str."""
     joints, parts = body.capsule_joints, np.array(PARTS)[body.capsule_parts]
@@ -111,17 +121,20 @@ def _upper_trunk(body: Body) -> tuple[int, int]:
     return int(trunk[-2:][0]), int(trunk[-1])
 
 
-def touch_surface(points: Array, wrists: Array | None, radii: Array, surface: Surface) -> Array:
+def touch_surface(
+    points: Array, wrists: Array | None, radii: Array, surface: Surface, beside: Surface | None = None
+) -> Array:
     """Return where the middles of spheres are that touch bodies, nearest to given points by going out or in.
 
     The wrist behind each goes along. Where it would be deeper than ``WRIST_IN``, the sphere goes around the body, as
-    far as it still touches.
+    far as it still touches; so it goes out of what it lies beside.
 
     Args:
         points: One for each body [m]. Shape (n, 3).
         wrists: Way from each to its wrist [m]; None without. Shape (n, 3).
         radii: Radii of the spheres [m]. Shape (n,).
         surface: The bodies.
+        beside: What else the spheres stay out of; None without.
     """
     found, moving = points.copy(), np.flatnonzero(np.isfinite(points).all(axis=1))
     for _ in range(_ROUNDS):
@@ -129,6 +142,9 @@ def touch_surface(points: Array, wrists: Array | None, radii: Array, surface: Su
         if wrists is not None:
             gaps, out = own.gaps(here + wrists[moving])
             here = here + np.maximum(-WRIST_IN - gaps, 0.0)[:, None] * out
+        if beside is not None and beside.radii.size:
+            gaps, out = Surface(*(values[moving] for values in beside)).gaps(here)
+            here = here + np.maximum(radii[moving] - gaps, 0.0)[:, None] * out
         gaps, out = own.gaps(here)
         found[moving] = here = here + (radii[moving] - gaps)[:, None] * out
         moving = moving[np.linalg.norm(here - before, axis=1) > _ENOUGH]
