@@ -14,7 +14,7 @@ from crowdsim.motion.body import HEIGHT, PARTS
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules
 from crowdsim.poses.contacts import body_points, surface_point
-from crowdsim.poses.outlines import WRIST_IN, find_lower_arms, find_surface, striker_radii, touch_surface
+from crowdsim.poses.outlines import WRIST_IN, find_outlines, find_surface, striker_radii, touch_surface
 
 COUNT = 40
 FITS = {
@@ -131,7 +131,7 @@ def test_spheres_touch_bodies_beside_forearms_and_hands() -> None:
     beside: list[np.ndarray] = []
     for seed in range(5):
         points, bodies = some_bodies(seed)
-        surface, arms, radii = find_surface(bodies), find_lower_arms(bodies), np.full(COUNT, 0.06)
+        (surface, arms), radii = find_outlines(bodies), np.full(COUNT, 0.06)
         for gaps, ways in ((alone, None), (beside, arms)):
             found = touch_surface(points, None, radii, surface, ways)
             np.testing.assert_allclose(gaps_to(found, bodies), 0.06, atol=5e-4)
@@ -142,7 +142,7 @@ def test_spheres_touch_bodies_beside_forearms_and_hands() -> None:
     far = np.concatenate(alone) > 0.06
     np.testing.assert_allclose(np.concatenate(beside)[far], np.concatenate(alone)[far], atol=1e-6)
     points, bodies = some_bodies(0)
-    none = touch_surface(points, None, np.full(COUNT, 0.06), find_surface(bodies), find_lower_arms(bodies, False))
+    none = touch_surface(points, None, np.full(COUNT, 0.06), find_surface(bodies), find_outlines(bodies, False)[1])
     np.testing.assert_array_equal(none, touch_surface(points, None, np.full(COUNT, 0.06), find_surface(bodies)))
 
 

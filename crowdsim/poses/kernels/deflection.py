@@ -332,7 +332,8 @@ def deflect_limbs(first, stop, capsules, limbs, order, ranks, asked, moves):
         own[:] = 0.0
         if math.isfinite(capsules.starts[t, n, 0, 0]) and not limbs.down[t, n]:
             count = _find_contacts(capsules, limbs, t, n, order[t], ranks[t, n], contacts)
-            for _ in range(_ROUNDS if _are_in(contacts, count) else 0):
+            rounds = _ROUNDS if _are_in(contacts, count) else 0
+            for _ in range(rounds):
                 pushed = False
                 for contact in range(count):
                     pushed |= _push(capsules, limbs, t, n, contact, contacts, own, axis)
@@ -343,7 +344,8 @@ def deflect_limbs(first, stop, capsules, limbs, order, ranks, asked, moves):
                         keep_bones(limbs.joints[t, n, limb], own[limb])
                     else:
                         keep_leg(limbs.joints[t, n, limb], own[limb])
-            _hold_arms(limbs, t, n, contacts, count, own)
+            if rounds:
+                _hold_arms(limbs, t, n, contacts, count, own)
             for limb in range(LIMBS):
                 for k in range(3):
                     own[limb, END, k] *= limbs.freedom[t, n, limb]
