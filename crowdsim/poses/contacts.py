@@ -18,7 +18,7 @@ from crowdsim.poses.guards import guard_of, guard_points, unit
 from crowdsim.poses.hits import Landed
 from crowdsim.poses.kernels.fists import LEAN
 from crowdsim.poses.layer import Part
-from crowdsim.poses.outlines import find_surface, touch_surface
+from crowdsim.poses.outlines import find_outlines, touch_surface
 
 PoseAt = Callable[[Array, Array], list[tuple[Array, Body, Array, Array, Array]]]
 """Poses avatars (E,) at times (E,): for each policy which of them, body, scales, joint positions and rotations."""
@@ -158,9 +158,10 @@ def find_surfaces(
             build = scales, take.cast.girths[numbers], take.cast.stretches[numbers]
             bodies = PosedBodies(body, np.arange(len(which)), *build, positions[None], rotations[None])
             # Fists that miss leave arms to these, which give way.
-            surface = find_surface(bodies, ~near.missed[chosen])
+            surface, lower_arms = find_outlines(bodies, ~near.missed[chosen])
             behind = None if wrists is None else (wrists - fists)[chosen]
-            points[chosen] = touch_surface(points[chosen], behind, thick, surface)
+            # Those that land do so beside forearms and hands: these give way, and what is hit would go with them.
+            points[chosen] = touch_surface(points[chosen], behind, thick, surface, lower_arms)
             gaps = surface.gaps(fists[chosen])[0] - thick
         # A fist that misses is left alone where it is in no body.
         free = chosen[near.missed[chosen] & (gaps >= 0.0)]

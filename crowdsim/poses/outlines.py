@@ -28,8 +28,11 @@ _FIT = {
 """How the skin of a man of 1.75 m differs from capsules: to both sides and ahead, and in radius at both ends [m]."""
 _GLOVE, _BARE = 1.14, 0.7
 """Radius of gloves and of bare fists as skins show them, as a share of that of a striker."""
-_ROUNDS, _ENOUGH = 60, 1e-4
-"""Times at most that a point goes onto the surface, and distance from it that may be left [m]."""
+_LOWER_ARMS = ("left_elbow", "left_hand", "right_elbow", "right_hand")
+"""Roles of the joints that forearms and hands hang on."""
+_ROUNDS, _BESIDE, _ENOUGH = 60, 12, 1e-4
+"""Times at most that a point goes onto the surface, those of them that it goes out of forearms and hands before, and
+distance from the surface that may be left [m]."""
 
 
 class Surface(NamedTuple):
@@ -69,10 +72,21 @@ def find_surface(bodies: PosedBodies, arms: Array | bool = True) -> Surface:
     Capsules of a trunk are round. Each of those that go up it stands for two, side by side, since a trunk is wider than
     it is deep. ``arms`` says which bodies (n,) have upper arms.
     """
+    return find_outlines(bodies, arms)[0]
+
+
+def find_outlines(bodies: PosedBodies, arms: Array | bool = True) -> tuple[Surface, Surface]:
+    """Return what ``find_surface`` does, and the capsules of forearms and hands of bodies that have ``arms``."""
     body, order = bodies.body, capsule_order(bodies.body)
     kinds = _surface_kinds(body)[order]
     shown = kinds != ""
     capsules = place_capsules([bodies], 1, len(bodies.columns))
+    lower = np.isin(body.capsule_joints[order], [body.roles[role] for role in _LOWER_ARMS])
+    lower_arms = Surface(
+        capsules.starts[0][:, lower].astype(float),
+        capsules.ends[0][:, lower].astype(float) - capsules.starts[0][:, lower],
+        np.where(np.reshape(arms, (-1, 1, 1)), capsules.radii[:, lower], -1.0),
+    )
     starts, ends = (values[0].astype(float) for values in (capsules.starts, capsules.ends))
     up, side = (unit((ends - starts)[:, order == one][:, 0]) for one in _upper_trunk(body))
     ahead, starts, kinds = np.cross(up, side), starts[:, shown], kinds[shown]
@@ -84,11 +98,12 @@ def find_surface(bodies: PosedBodies, arms: Array | bool = True) -> Surface:
     radii[np.ix_(~np.broadcast_to(arms, len(radii)), kinds == "upper arm")] = -1.0
     aside, forward = (fits[:, k, None] * widths[..., None] * way[:, None] for k, way in enumerate((side, ahead)))
     starts, twice = starts + forward, fits[:, 0] > 0.0
-    return Surface(
+    surface = Surface(
         np.concatenate([starts - aside, (starts + aside)[:, twice]], axis=1),
         np.concatenate([axes, axes[:, twice]], axis=1),
         np.concatenate([radii, radii[:, twice]], axis=1),
     )
+    return surface, lower_arms
 
 
 def _surface_kinds(body: Body) -> Array:
@@ -111,24 +126,30 @@ def _upper_trunk(body: Body) -> tuple[int, int]:
     return int(trunk[-2:][0]), int(trunk[-1])
 
 
-def touch_surface(points: Array, wrists: Array | None, radii: Array, surface: Surface) -> Array:
+def touch_surface(
+    points: Array, wrists: Array | None, radii: Array, surface: Surface, beside: Surface | None = None
+) -> Array:
     """Return where the middles of spheres are that touch bodies, nearest to given points by going out or in.
 
     The wrist behind each goes along. Where it would be deeper than ``WRIST_IN``, the sphere goes around the body, as
-    far as it still touches.
+    far as it still touches; so it goes out of what it lies beside.
 
     Args:
         points: One for each body [m]. Shape (n, 3).
         wrists: Way from each to its wrist [m]; None without. Shape (n, 3).
         radii: Radii of the spheres [m]. Shape (n,).
         surface: The bodies.
+        beside: What else the spheres stay out of; None without.
     """
     found, moving = points.copy(), np.flatnonzero(np.isfinite(points).all(axis=1))
-    for _ in range(_ROUNDS):
+    for step in range(_ROUNDS):
         here, own, before = found[moving], Surface(*(values[moving] for values in surface)), found[moving]
         if wrists is not None:
             gaps, out = own.gaps(here + wrists[moving])
             here = here + np.maximum(-WRIST_IN - gaps, 0.0)[:, None] * out
+        if beside is not None and beside.radii.size and step < _BESIDE:
+            gaps, out = Surface(*(values[moving] for values in beside)).gaps(here)
+            here = here + np.maximum(radii[moving] - gaps, 0.0)[:, None] * out
         gaps, out = own.gaps(here)
         found[moving] = here = here + (radii[moving] - gaps)[:, None] * out
         moving = moving[np.linalg.norm(here - before, axis=1) > _ENOUGH]

@@ -14,7 +14,7 @@ from crowdsim.motion.body import HEIGHT, PARTS
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules
 from crowdsim.poses.contacts import body_points, surface_point
-from crowdsim.poses.outlines import WRIST_IN, find_surface, striker_radii, touch_surface
+from crowdsim.poses.outlines import WRIST_IN, find_outlines, find_surface, striker_radii, touch_surface
 
 COUNT = 40
 FITS = {
@@ -124,6 +124,26 @@ def test_wrists_behind_fists_stay_out_and_fists_still_touch() -> None:
     deep = np.concatenate(alone) > WRIST_IN + 0.01
     assert deep.sum() > 10
     assert np.mean(np.concatenate(along)[deep]) < np.mean(np.concatenate(alone)[deep]) - 0.01
+
+
+def test_spheres_touch_bodies_beside_forearms_and_hands() -> None:
+    alone: list[np.ndarray] = []
+    beside: list[np.ndarray] = []
+    for seed in range(5):
+        points, bodies = some_bodies(seed)
+        (surface, arms), radii = find_outlines(bodies), np.full(COUNT, 0.06)
+        for gaps, ways in ((alone, None), (beside, arms)):
+            found = touch_surface(points, None, radii, surface, ways)
+            np.testing.assert_allclose(gaps_to(found, bodies), 0.06, atol=5e-4)
+            gaps.append(arms.gaps(found)[0] - 0.06)
+    inside = np.concatenate(alone) < -0.01
+    assert inside.sum() > 10
+    assert np.median(np.concatenate(beside)[inside]) > -2e-3
+    far = np.concatenate(alone) > 0.06
+    np.testing.assert_allclose(np.concatenate(beside)[far], np.concatenate(alone)[far], atol=1e-6)
+    points, bodies = some_bodies(0)
+    none = touch_surface(points, None, np.full(COUNT, 0.06), find_surface(bodies), find_outlines(bodies, False)[1])
+    np.testing.assert_array_equal(none, touch_surface(points, None, np.full(COUNT, 0.06), find_surface(bodies)))
 
 
 def test_absent_bodies_are_left_alone() -> None:

@@ -111,3 +111,16 @@ def test_fists_go_no_deeper_before_and_after_a_strike(monkeypatch: pytest.Monkey
 def test_times_over_which_fists_stop_are_within_those_that_bodies_are_read_for() -> None:
     assert fists._LEAVES <= fists.LEAN
     assert layer.Fists.looks[0] >= fists.LEAN + MOTION
+
+
+def test_a_fast_fist_that_a_body_stops_is_slowed_over_centimetres() -> None:
+    capsule, speed, rate = stop((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.1), 8.0, 10_000.0
+    path = []
+    for x in np.arange(0.2, 0.02, -speed / rate):
+        shift = np.zeros(3)
+        _stop_point(np.array([x, 0.5, 0.0]), capsule, 0.0, 0.0, 1.0, shift)
+        path.append(x + shift[0])
+    slowed = np.diff(path, 2) * rate**2
+    assert slowed.min() > -1e-3
+    assert slowed.max() < 4_800.0
+    assert path[-1] > 0.07

@@ -33,7 +33,7 @@ MOTION = 0.08
 """Time before and after a strike between which what it hits is taken to move evenly [s]."""
 _STAYS, _LEAVES = 0.06, 0.2
 """How long before and after a strike its fist does not go beyond the surface that it touches, wholly and partly [s]."""
-_ROUND = 0.015
+_ROUND = 0.03
 """Depth that is left of a great one, and over which less is left of it [m]."""
 LEAN = 0.34
 """How long before and after a strike the trunk leans for it [s]."""

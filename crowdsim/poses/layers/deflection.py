@@ -279,11 +279,14 @@ class Deflection(Reader):
         capsules = place_capsules(posed, len(times), len(near), threads, known.sizes)
         frames = np.clip(np.rint(times * take.control_rate).astype(np.int64), 0, take.frame_count - 1)
         down = fallen_rows(take, motions, int(frames.min()), int(frames.max()) + 1, near)
+        landed = self.poser.landed.between(times[0] - _LANDS, times[-1] + _LANDS)
+        landed = landed.of(~landed.missed & (CARRIERS[landed.limbs] >= 0))
         limbs = MovingLimbs(
             np.empty((len(times), len(near), LIMBS, 3, 3), np.float32),
             known.limbs,
             known.weights,
-            _landing(self.poser.landed, near, times),
+            _landing(landed, near, times),
+            _landing(landed.of(~landed.blocked), near, times),
             np.ones((len(times), len(near), LIMBS)),
             np.ascontiguousarray(down[frames - frames.min()]),
         )
@@ -335,11 +338,9 @@ def _creep(moves: Array, furthest: Array) -> Array:
     return np.asarray(longest * (1.0 + far**4) ** -0.25)
 
 
-def _landing(landed: Landed, avatars: Array, times: Array) -> Array:
-    """How close to strikes that land limbs of avatars (n,) are at times (T,), from 0 to 1. Shape (T, n, 4)."""
+def _landing(some: Landed, avatars: Array, times: Array) -> Array:
+    """How close to some strikes limbs of avatars (n,) are at times (T,), from 0 to 1. Shape (T, n, 4)."""
     near = np.zeros((len(times), len(avatars), LIMBS))
-    some = landed.between(times[0] - _LANDS, times[-1] + _LANDS)
-    some = some.of(~some.missed & (CARRIERS[some.limbs] >= 0))
     column = np.minimum(np.searchsorted(avatars, some.attackers), len(avatars) - 1)
     known = np.flatnonzero(avatars[column] == some.attackers)
     if not len(known):
