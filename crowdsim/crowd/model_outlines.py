@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -10,13 +11,14 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.crowd.kernels.confinement import CLEARANCE
 from crowdsim.crowd.kernels.layout import LEFT_FIST, LIMB_ROOM, RIGHT_FIST, TRUNK_ROOM
-from crowdsim.crowd.kernels.records import SPAN
 from crowdsim.crowd.model_arms import arm_rows
 from crowdsim.crowd.model_falls import soles_of
 
 if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
 
+DIRECTIONS = np.array([(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)], float)
+"""Directions along which ``Model.spans`` says how far actions reach, those to the corners not of unit length."""
 _SPARE = 1e-3
 """More than what rounding to single precision changes [m]."""
 
@@ -46,32 +48,29 @@ def outline_rows(policies: Sequence[Policy], actions: Array, ground: Array, stri
 def no_outlines() -> dict[str, Array]:
     """Return those of a crowd without obstacles: none."""
     outlines, extents = np.zeros((0, 9, 3), np.float32), np.zeros(0, np.float32)
-    return {"outlines": outlines, "extents": extents, "spans": np.zeros(0, SPAN)}
+    return {"outlines": outlines, "extents": extents, "spans": np.zeros((0, 9), np.float32)}
 
 
 def _spans_of(points: Array, rooms: Array, actions: Array, ground: Array, strides: Array) -> Array:
-    """Return a circle around each action: all points (L, 9, 2) with their rooms, and the position. Shape (A + 1,)."""
+    """Return an octagon around each action: all points (L, 9, 2) with their rooms, and the position. (A + 1, 9)."""
     points = np.concatenate([points, np.zeros((len(points), 1, 2))], axis=1)
-    rooms = np.append(rooms, CLEARANCE)[:, None]
-    middles = ((points - rooms).min(axis=1) + (points + rooms).max(axis=1)) / 2
-    radii = (np.linalg.norm(points - middles[:, None], axis=2) + rooms[:, 0]).max(axis=1)
-    cos, sin = np.cos(ground["heading"]), np.sin(ground["heading"])
-    x = ground["x"] + middles[:, 0] * cos + middles[:, 1] * sin
-    z = ground["z"] - middles[:, 0] * sin + middles[:, 1] * cos
+    rooms, lengths = np.append(rooms, CLEARANCE), np.linalg.norm(DIRECTIONS, axis=1)
+    cos, sin = np.cos(ground["heading"])[:, None], np.sin(ground["heading"])[:, None]
+    x = ground["x"][:, None] + points[..., 0] * cos + points[..., 1] * sin
+    z = ground["z"][:, None] - points[..., 0] * sin + points[..., 1] * cos
+    ways = zip(DIRECTIONS, lengths, strict=True)
+    reaches = np.stack([(dx * x + dz * z + length * rooms).max(axis=1) for (dx, dz), length in ways], axis=1)
     # Between two frames a body is interpolated.
     steps = np.hypot(np.diff(ground["x"]), np.diff(ground["z"]))
     steps = np.append(steps + np.abs(np.diff(ground["heading"])) * np.linalg.norm(points, axis=2).max(axis=1)[:-1], 0.0)
     counts = actions["length"] * strides + 1
     firsts = np.cumsum(counts) - counts
     frames = np.arange(counts.sum()) + np.repeat(actions["origin"] - firsts, counts)
-    x, z, radii, steps = x[frames], z[frames], radii[frames], steps[frames]
+    steps = steps[frames]
     steps[firsts + counts - 1] = 0.0
-
-    def middle(at: Array) -> Array:
-        return (np.minimum.reduceat(at - radii, firsts) + np.maximum.reduceat(at + radii, firsts)) / 2
-
-    spans = np.empty(len(actions), SPAN)
-    spans["x"], spans["z"] = middle(x), middle(z)
-    away = np.hypot(x - np.repeat(spans["x"], counts), z - np.repeat(spans["z"], counts))
-    spans["radius"] = np.maximum.reduceat(away + radii, firsts) + np.maximum.reduceat(steps, firsts) + _SPARE
-    return spans
+    spare = np.maximum.reduceat(steps, firsts) + _SPARE
+    spans = np.maximum.reduceat(reaches[frames], firsts) + spare[:, None] * lengths
+    middles = (spans[:, [0, 2]] - spans[:, [1, 3]]) / 2
+    # A regular octagon around the middle has corners as far away as these at least.
+    away = ((spans - middles @ DIRECTIONS.T) / lengths).max(axis=1) / math.cos(math.pi / 8)
+    return np.column_stack([spans, away]).astype(np.float32)

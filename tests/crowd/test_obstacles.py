@@ -12,10 +12,10 @@ from synthetic_policy import policy
 from test_damage import fighters, with_falls
 from test_simulation import bytes_of, crowd
 
-from crowdsim.crowd.kernels.confinement import AHEAD, CLEARANCE
+from crowdsim.crowd.kernels.confinement import AHEAD, CLEARANCE, is_clear
 from crowdsim.crowd.kernels.evaluate import TERMS
 from crowdsim.crowd.kernels.fall_clearance import SLIDES, hemmed_in, slide
-from crowdsim.crowd.kernels.layout import LANDED, PELVIS, Observed
+from crowdsim.crowd.kernels.layout import LANDED, LIMB_ROOM, PELVIS, TRUNK_ROOM, Observed
 from crowdsim.crowd.kernels.records import SLIDE
 from crowdsim.crowd.kernels.terms import backs
 from crowdsim.crowd.obstacles import scenario_shapes
@@ -85,6 +85,37 @@ def test_bodies_without_damage_do_not_read_how_far_those_slide_that_fall():
         one.avatars = one.avatars._replace(slides=beyond[:0])
         found.append(bytes_of([one.run(60)]))
     assert found[0] == found[1]
+
+
+def test_actions_that_are_clear_for_certain_are_in_no_obstacle_and_most_others_are():
+    one, rng, found = Simulation(walled(interval=15.0)), np.random.default_rng(0), []
+    model, rooms = one.model, np.array([TRUNK_ROOM] * 3 + [LIMB_ROOM] * 6)
+    for _ in range(400):
+        slot, turn, at = int(rng.integers(one.present)), rng.uniform(0.0, 2.0 * np.pi), rng.uniform(-1.5, 5.0, 2)
+        row, size = model.policies[one.avatars.policy[slot]], float(one.avatars.playback["scale"][slot])
+        first = int(row["actions"])
+        action = int(rng.integers(first, first + len(POLICIES[one.avatars.policy[slot]].lookup_tables().actions.next)))
+        frames = model.actions["origin"][action] + np.arange(model.actions["length"][action] * row["stride"] + 1)
+        ground = model.ground[frames]
+        # The action begins about where it was drawn, whatever its ground transforms are.
+        cos, sin = size * np.cos(turn), size * np.sin(turn)
+        x, z = ground["x"][0], ground["z"][0]
+        base_x, base_z = at[0] - x * cos - z * sin, at[1] + x * sin - z * cos
+        points = []
+        for place, outline in zip(ground, model.outlines[frames], strict=True):
+            c, s = np.cos(place["heading"]), np.sin(place["heading"])
+            local = np.array([[0.0, 0.0], *([px * c + pz * s, pz * c - px * s] for px, _, pz in outline)])
+            local += [place["x"], place["z"]]
+            points += list(zip([CLEARANCE, *rooms], local[:, 0], local[:, 1], strict=True))
+        lack = min(
+            gap_to(part, base_x + px * cos + pz * sin, base_z - px * sin + pz * cos) - room * size
+            for room, px, pz in points
+            for part in PARTS
+        )
+        clear = is_clear(model, one.avatars, one._world.places, slot, action, base_x, base_z, cos, sin)
+        found.append((clear, lack >= 0.0))
+    assert all(free for clear, free in found if clear)
+    assert sum(clear for clear, _ in found) > 0.7 * sum(free for _, free in found) > 40
 
 
 def test_roots_slide_evenly_to_where_there_will_be_room():

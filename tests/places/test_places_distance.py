@@ -16,7 +16,6 @@ from crowdsim.places.kernels.distance import (
     CELLS,
     CLEAR,
     REACH,
-    is_circle_clear,
     is_way_free,
     part_gap,
     way_gap,
@@ -54,13 +53,6 @@ def test_distances_of_points_match_naive():
 def test_the_nearest_obstacle_is_that_of_all(frame):
     found = gaps_of(PLACES, points(400, 1), frame)
     assert found == pytest.approx([naive_gap_at(PARTS, frame, x, z, REACH) for x, z in points(400, 1)])
-
-
-def test_circles_that_are_clear_for_certain_are_in_no_obstacle_beyond_the_grid_too():
-    found = [(at, radius) for at in points(300, 2, 12.0) for radius in (0.3, 1.9, 2.5, 4.0)]
-    clear = [(at, radius) for at, radius in found if is_circle_clear(PLACES, *at, radius)]
-    assert len(found) / 3 < len(clear) < len(found)
-    assert all(gap_to(part, *at) >= radius for at, radius in clear for part in PARTS)
 
 
 def test_distances_of_ways_match_naive():

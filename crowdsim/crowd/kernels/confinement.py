@@ -9,7 +9,7 @@ from crowdsim.crowd.kernels.interpolation import ground_at
 from crowdsim.crowd.kernels.layout import LIMB_ROOM, PELVIS, TRUNK_ROOM
 from crowdsim.crowd.kernels.positions import position_of
 from crowdsim.jit import kernel
-from crowdsim.places.kernels.distance import cell_at, is_circle_clear, part_gap, stands, way_gap
+from crowdsim.places.kernels.distance import REACH, cell_at, part_gap, stands, way_gap
 
 CLEARANCE = 0.3  # how far the ground transform of a body keeps from obstacles, for a scale of 1 [m]
 PASSES = 3  # how often all obstacles near are gone through
@@ -73,12 +73,36 @@ def _confine(model, avatars, places, frame, i):
 
 @kernel(inline=True)
 def is_clear(model, avatars, places, i, action, base_x, base_z, cos, sin):
-    """Return whether the circle around an action is in no obstacle; by where that is based (``bases.base_of``)."""
+    """Return whether the octagon around an action is in no obstacle; by where that is based (``bases.base_of``).
+
+    All of an obstacle's part lies beyond the line through its nearest point, at a right angle to the way there.
+    """
     if avatars.conditions.shape[0] > 0 and (avatars.slides[i].x != 0.0 or avatars.slides[i].z != 0.0):
         return False
     span = model.spans[action]
-    x, z = base_x + span.x * cos + span.z * sin, base_z - span.x * sin + span.z * cos
-    return is_circle_clear(places, x, z, span.radius * np.float64(avatars.playback[i].scale))
+    far = span[8] * np.float64(avatars.playback[i].scale)
+    if far > REACH:
+        return False
+    middle_x, middle_z = 0.5 * (span[0] - span[1]), 0.5 * (span[2] - span[3])
+    x, z = base_x + middle_x * cos + middle_z * sin, base_z - middle_x * sin + middle_z * cos
+    cell = cell_at(places.grid, x, z)
+    if cell >= 0:
+        for k in range(places.offsets[cell], places.offsets[cell + 1]):
+            if places.gaps[k] >= far:
+                break
+            gap, nx, nz = part_gap(places.parts[places.listed[k]], x, z)
+            right, ahead = nz * sin - nx * cos, -nx * sin - nz * cos
+            if gap < furthest_along(span, right, ahead) - middle_x * right - middle_z * ahead:
+                return False
+    return True
+
+
+@kernel(inline=True)
+def furthest_along(span, right, ahead):
+    """Return how far an octagon (``Model.spans``) reaches along a vector, times its length, at the most."""
+    wide, deep = abs(right), abs(ahead)
+    side = span[int(right < 0.0)] if wide > deep else span[2 + int(ahead < 0.0)]
+    return abs(wide - deep) * side + min(wide, deep) * span[4 + 2 * int(right < 0.0) + int(ahead < 0.0)]
 
 
 @kernel(inline=True)

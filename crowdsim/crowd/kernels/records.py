@@ -155,10 +155,6 @@ into it (``policy.Actions.costs``)."""
 PLACE = np.dtype(_fields(_F8, "x", "z", "heading"))
 """A ground transform: position [m] and heading [rad]."""
 
-SPAN = np.dtype(_fields(_F4, "x", "z", "radius"))
-"""A circle around a body during an action, with the room that it needs: its middle, as ``Model.ground`` has positions,
-and its radius [m]."""
-
 POINT = np.dtype(_fields(_F4, "x", "z"))
 """A point on the ground [m]."""
 

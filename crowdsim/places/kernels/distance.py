@@ -175,13 +175,6 @@ def may_be_near(places, x, z, far):
     return cell >= 0 and places.clear[cell] < far
 
 
-@kernel(inline=True)
-def is_circle_clear(places, x, z, radius):
-    """Return whether a circle is in no obstacle for certain; the grid ends ``REACH`` from the parts."""
-    cell = cell_at(places.grid, x, z)
-    return places.clear[cell] >= radius if cell >= 0 else radius <= REACH
-
-
 @kernel
 def list_parts(parts, grid, reach, offsets, listed, gaps, clear):
     """List the parts within ``reach`` of each cell of a grid, as CSR, with how far they are from it at least.

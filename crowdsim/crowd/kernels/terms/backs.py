@@ -55,11 +55,12 @@ def _add_backs(model, avatars, places, frame, own, state, dx, dz, values):
         return
     cos, sin = cos_sin(avatars.heading[own])
     cos, sin = cos * size, sin * size
-    for k in range(model.offsets[state + 1] - model.offsets[state]):
-        move = model.moves[model.offsets[state] + k]
+    offset = np.uint64(model.offsets[state])
+    # No branch, since it cannot be predicted which actions end near the obstacle.
+    for k in range(np.uint64(model.offsets[state + 1]) - offset):
+        move = model.moves[offset + k]
         ex, ez = move.x * cos + move.z * sin, move.z * cos - move.x * sin
-        near = 1.0 - max(least + ex * nx + ez * nz, 0.0) / (BEHIND * size)
+        near = max(1.0 - max(least + ex * nx + ez * nz, 0.0) / (BEHIND * size), 0.0)
         to_x, to_z = dx - ex, dz - ez
-        ahead = to_x * nx + to_z * nz
-        if near > 0.0 and ahead > 0.0:
-            values[k] -= BACKED * near * ahead / max(math.sqrt(to_x * to_x + to_z * to_z), 1e-6)
+        ahead = max(to_x * nx + to_z * nz, 0.0)
+        values[k] -= BACKED * near * ahead / max(math.sqrt(to_x * to_x + to_z * to_z), 1e-6)
