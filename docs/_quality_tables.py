@@ -14,6 +14,10 @@ from _results import MISSING, NOT_MEASURED, Format, Results, cell, fixed, number
 sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from _exported.goals import MEASURES, shown
 from _scene_goals import GOALS, Goal
+from blows import GOALS as BLOWS
+from blows import SCENES as BLOW_SCENES
+from blows import is_met
+from blows import key as blow_key
 
 FIGHTS = (
     "duel", "bout", "moving_target", "moving_target_fast", "armies_200", "brawl_30", "brawl_30_cmu",
@@ -240,6 +244,20 @@ def contact(results: Results) -> list[str]:
     return results.table(header, rows, "exported")
 
 
+def blows(results: Results) -> list[str]:
+    """Return what blows do over seeds, the mean and the worst, beside what is aimed at."""
+    rows = []
+    for measure in BLOWS:
+        cells, text_of = [], partial(shown, unit=measure.unit)
+        for scene in BLOW_SCENES:
+            mean, worst = (results.get("blows", scene, blow_key(measure), which) for which in ("mean", "worst"))
+            text = f"{cell(text_of, mean)} / {cell(text_of, worst)}"
+            cells.append(text if mean is MISSING or is_met(measure, scene, mean, worst) else f"**{text}**")
+        rows.append([measure.label, *cells, measure.goal("")])
+    header = ["mean of the seeds / worst", *(f"`{scene}`" for scene in BLOW_SCENES), "goal"]
+    return results.table(header, rows, "blows")
+
+
 def performer(results: Results) -> list[str]:
     """Return the motion of the embedded performer beside a captured boxer; 2 and 4 are places in ``QUANTILES``."""
     rows = []
@@ -319,6 +337,7 @@ QUALITY_TABLES: dict[str, Callable[[Results], list[str]]] = {
     "smoothness": smoothness,
     "cameras": cameras,
     "poses": poses,
+    "blows": blows,
     "contact": contact,
     "performer": performer,
     "detectors": detectors,

@@ -66,6 +66,10 @@ KEYS = {
         *(f"breaks.{key}" for key in ("count", "never_share", "ease_share")),
         *(f"lying.{key}" for key in ("sunk_share", "floating_share", "trodden_share", "overlap_share")),
     ],
+    "blows": [
+        f"{scene}.{name}.{which}" for scene in ("brawl_30", "bout") for which in ("mean", "worst")
+        for name in ("fists_beyond_2_cm", "strikes_landed_buried")
+    ],
     "exported": [f"{scene}.inspect.strikes_landed" for scene in ("brawl_30", "brawl_30_cmu", "armies_200")],
     "motion_quality": [
         f"boxer.{group}.{kind}.auc" for group in ("made", "apart", "every")

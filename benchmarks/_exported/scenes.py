@@ -28,14 +28,25 @@ def crowdsim(*words: str) -> str:
 
 
 def run_scene(
-    name: str, fps: int, frames: int | None, folder: Path, mocap: Path | None, most: int | None = None
+    name: str,
+    fps: int,
+    frames: int | None,
+    folder: Path,
+    mocap: Path | None,
+    most: int | None = None,
+    seed: int | None = None,
 ) -> Path:
-    """Run a scenario with BVH files as its only output, and with at most ``most`` avatars; return its folder."""
+    """Run a scenario with BVH files as its only output, and with at most ``most`` avatars; return its folder.
+
+    ``seed`` is another one than the scenario's.
+    """
     from crowdsim import load_scenario, run_to
 
     overrides = ["outputs.ply=null", f"outputs.bvh.fps={fps}"]
     if frames is not None:
         overrides.append(f"duration={frames}")
+    if seed is not None:
+        overrides.append(f"seed={seed}")
     scenario = load_scenario(name, overrides)
     if most is not None:
         scenario = load_scenario(name, overrides, fraction=min(1.0, most / scenario.avatar_count))
