@@ -1,12 +1,12 @@
-"""What blows do in whole brawls and bouts over several seeds, from BVH files and takes.
+"""The effect of blows in whole brawls and bouts with several seeds, from BVH files and takes.
 
     python benchmarks/blows.py [--seeds N] [--json] [--quick]
 
 `brawl_30` and `bout` are run as they ship, once for each seed from 1 on, with BVH files as their only output, and
 measured by the witness of ``exported.py``, which shares no code with the package that poses and writes: `fists`,
-`strikes` and `blows`. No window is chosen; every strike counts but those in the last second of a run. A figure is the
-mean of the seeds, beside the worst of them; means that miss their goal stand between asterisks, and the greatest
-distance where the worst does.
+`strikes` and `blows`. Every strike counts except those in the last second of a run. Each figure is the mean of the
+seeds, followed by the worst seed. Asterisks mark a mean that misses its goal; for the greatest distance, the worst seed
+decides.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def key(measure: Measure) -> str:
     return "_".join(measure.keys)
 
 
-def measure(name: str, seed: int, folder: Path, quick: bool) -> dict[str, float | None]:
+def measure_run(name: str, seed: int, folder: Path, quick: bool) -> dict[str, float | None]:
     """Return the figures of a scene with one seed, by their names."""
     frames, most = (QUICK, FEW) if quick else (None, None)
     path = run_scene(name, FPS, frames, folder, None, most, seed)
@@ -74,7 +74,7 @@ def main() -> None:
             seeds = []
             for seed in range(1, 2 if options.quick else options.seeds + 1):
                 print(f"{name}, seed {seed} ...", file=sys.stderr, flush=True)
-                seeds.append(measure(name, seed, Path(folder), options.quick))
+                seeds.append(measure_run(name, seed, Path(folder), options.quick))
             results[name] = {key(one): summarise(one, seeds) for one in GOALS}
     if options.json:
         print(json.dumps(results, indent=2))

@@ -464,7 +464,9 @@ def hits_ball(one, action, stands, frames, places):
         return False
     point = ground.to_world(stands, actions.strike_positions[first].astype(float) * one.scale)
     when = (frames + float(actions.strike_times[first]) - min(one.phase - one.length, one.speed)) / one.speed
-    when = min(max(when, 0.0), FORESEEN - 1.0)
+    if when > FORESEEN - 1.0:
+        return False
+    when = max(when, 0.0)
     share = when - int(when)
     there = (1.0 - share) * np.asarray(places[int(when)]) + share * np.asarray(places[int(when) + 1])
     return abs(gap_to(point, *ball(one, there))[0]) <= tolerance_of(one.policy) * one.scale

@@ -1,8 +1,7 @@
 """Textures of cloth, hair, leather and skin, made by code, and where they lie on a body.
 
 Textures are tiles of ``TILE`` metres that repeat. Around a segment they are mirrored at its front and its back, so that
-no vertex is needed twice; where skin goes from one segment to the next, its triangles stretch them. They are what glTF
-files show from near, over the colours of parts.
+no seam needs vertices twice; between segments triangles stretch them. In glTF files they multiply the colours of parts.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ TEXTURES = {
 """Texture of each part that has one."""
 _RADII = {"trunk": 0.15, "head": 0.10}
 _LIMB_RADII = {"upper_arm": 0.05, "forearm": 0.045, "hand": 0.06, "thigh": 0.08, "shank": 0.06, "foot": 0.05}
-"""How thick segments are, about [m]."""
+"""Approximate radii of segments [m]."""
 
 
 def texture_places(binding: Binding, vertices: Array) -> Array:

@@ -84,9 +84,9 @@ class Model(NamedTuple):
         outlines: Head, neck, pelvis, fists, heels and balls in the frame's ground frame [m]. Shape (L, 9, 3), or
             (0, 9, 3) where there are no obstacles, float32.
         extents: How far from the position these are at most, and the room that they need [m]. Shape (L,), float32.
-        spans: Octagon around these with their room in all of each action: how far it reaches along +x, -x, +z, -z and
-            the sums of these, (x, z), (x, -z), (-x, z), (-x, -z), as ``ground`` has positions; and how far its
-            corners are from its middle at the most [m]. Shape (A + 1, 9), float32.
+        spans: Octagon around all outlines of an action with the room that they need: how far it reaches along +x, -x,
+            +z, -z and along (1, 1), (1, -1), (-1, 1), (-1, -1), not normalised, in the frame of ``ground``; then a
+            bound of the distance of its corners from its middle [m]. Shape (A + 1, 9), float32.
         rests: Pieces of standing at ease, and parts of walks. Shape (n,), ``REST``.
         walks: The walks, and the ways into rests that lead away. Shape (n,), ``WALK``.
         walk_points: Points of each walk about half a metre apart to its end, seen from where it begins; the last one

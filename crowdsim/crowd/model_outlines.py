@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from crowdsim.policy.policy import Policy
 
 DIRECTIONS = np.array([(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)], float)
-"""Directions along which ``Model.spans`` says how far actions reach, those to the corners not of unit length."""
+"""Directions along which ``Model.spans`` says how far actions reach, the diagonal ones have a length of sqrt(2)."""
 _SPARE = 1e-3
 """More than what rounding to single precision changes [m]."""
 

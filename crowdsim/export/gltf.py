@@ -98,7 +98,8 @@ class GltfSink:
         rotations: ``float32``, or ``int16``, which takes half the place.
         builds: Build of each avatar of the take; by its girth when None.
         cameras: Cameras that come along, which have as many frames as the file.
-        goes_on: Whether frames that an interrupted process has written are kept, for one that writes the same.
+        resumes: Whether to continue from the frames that an interrupted export of the same has left, and to leave
+            them when interrupted.
 
     Raises:
         OutputError: The file would be larger than glTF files can be.
@@ -118,7 +119,7 @@ class GltfSink:
         rotations: str = "float32",
         builds: Sequence[Build] | None = None,
         cameras: Sequence[CameraPath] = (),
-        goes_on: bool = False,
+        resumes: bool = False,
     ) -> None:
         take = sampler.take
         self.start, self.stop = frames or (0, take.output_frames(float(fps)))
@@ -133,7 +134,7 @@ class GltfSink:
         self._places: dict[int, _Place] = {}
         self._stills: dict[int, tuple[Array, Array]] = {}
         self._rows, self._part, self._cameras = 0, 0, cameras
-        self._shared = GltfFile(path, self._describe(there), goes_on)
+        self._shared = GltfFile(path, self._describe(there), resumes)
         self._resume(*self._shared.resume(1))
 
     @property
@@ -160,7 +161,7 @@ class GltfSink:
         return parts
 
     def _resume(self, rows: int) -> None:
-        """Go on after so many frames, which the file holds already; from the first where there cannot be so many."""
+        """Continue after ``rows`` frames, or from the first frame if that number is impossible."""
         rows = rows if 0 <= rows <= self._frames else 0
         self.start, self._rows = self._first + rows, rows
         for place in (self._places[number] for number in self.avatars.tolist() if rows):
@@ -210,7 +211,7 @@ class GltfSink:
         return self._shared.close()
 
     def abandon(self) -> None:
-        """Remove what is half-written, unless the file goes on."""
+        """Remove the unfinished file, unless the next call continues it."""
         self._shared.abandon()
 
     def _describe(self, there: dict[int, Array]) -> Document:
@@ -672,18 +673,19 @@ class Document:
 class GltfFile:
     """The file while it is written, of a sink or of the parts that one was split into.
 
-    Until it is whole, how many frames of each part are written follows its last byte, eight bytes a part.
+    Until the file is complete, its last byte is followed by the number of frames written of each part, as int64.
 
     Args:
         path: The file.
         document: What is in it.
-        goes_on: Whether what an interrupted process has written is kept, under a name that the next one knows.
+        resumes: Whether to continue an unfinished file of the same, and to leave one, under a name that is always the
+            same.
     """
 
-    def __init__(self, path: Path, document: Document, goes_on: bool = False) -> None:
+    def __init__(self, path: Path, document: Document, resumes: bool = False) -> None:
         self._open, self._parts, self._path, self._constant = 1, 1, path, document.constant
-        self._goes_on, self._end = goes_on, document.size
-        self._partial = path.with_name(f".{path.name[:100]}.{'' if goes_on else uuid.uuid4().hex + '.'}part")
+        self._resumes, self._end = resumes, document.size
+        self._partial = path.with_name(f".{path.name[:100]}.{'' if resumes else uuid.uuid4().hex + '.'}part")
         self._file: BinaryIO | None = None
         self._lock = threading.Lock()
         document.json["buffers"] = [{"byteLength": document.size}]
@@ -700,10 +702,12 @@ class GltfFile:
         self._head += struct.pack("<II", document.size, 0x004E4942)
 
     def resume(self, parts: int) -> list[int]:
-        """Return how many frames of each part an interrupted process has written, and go on with its file."""
-        self._open = self._parts = parts
+        """Return how many frames of each part an interrupted process has written, and continue its file."""
+        if self._file is not None:
+            self._file.close()
+        self._open, self._parts, self._file = parts, parts, None
         nothing, place = [0] * parts, (self._partial.parent, self._partial.name)
-        if not self._goes_on or not exists_plain(*place) or stat_plain(*place).st_size != self._size + 8 * parts:
+        if not self._resumes or not exists_plain(*place) or stat_plain(*place).st_size != self._size + 8 * parts:
             return nothing
         try:
             file = open(self._partial, "r+b", buffering=0)  # noqa: SIM115 - it stays open
@@ -770,10 +774,10 @@ class GltfFile:
         return [self._path]
 
     def abandon(self) -> None:
-        """Remove what is half-written, unless the file goes on."""
+        """Remove the unfinished file, unless the next call continues it."""
         if self._file is not None:
             self._file.close()
-            if not self._goes_on:
+            if not self._resumes:
                 self._partial.unlink(missing_ok=True)
 
     def _failed(self, error: OSError) -> OutputError:

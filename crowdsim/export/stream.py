@@ -90,7 +90,7 @@ class Sink(Protocol):
         """Finish the files and return them."""
 
     def abandon(self) -> None:
-        """Remove what is half-written."""
+        """Give up: remove unfinished files, or keep them for the next call."""
 
 
 def stream_poses(
@@ -98,7 +98,8 @@ def stream_poses(
 ) -> list[list[Path]]:
     """Pose a take block by block and let every sink write; return the files of each.
 
-    Memory does not grow with the take. Where a sink fails, what is half-written is removed.
+    Memory does not grow with the take. Where a sink fails, it removes its unfinished files, or keeps them for the
+    next call.
 
     Args:
         sampler: Poses of the take.
@@ -153,7 +154,7 @@ def _stream(
             block = coming.popleft().result()
             coming.extend(ahead.submit(pose, following) for following in islice(firsts, 1))
             for sink in sinks:
-                if sink.start < block.stop_output and sink.stop > first:
+                if max(first, sink.start) < min(block.stop_output, sink.stop):
                     sink.write(block, pool)
                 if progress is not None:
                     progress(kinds, sum(sink.done for sink in sinks), sum(sink.total for sink in sinks))

@@ -127,7 +127,7 @@ class GlbOutput(PosedOutput):
         cameras = [] if self.camera is None else _camera_paths(sampler, self.camera, self.rate, frames)
         return GltfSink(
             sampler, folder / Path(_FILE).name, self.rate, frames, self.numbers, self.rotations, cameras=cameras,
-            goes_on=missing is not None,
+            resumes=missing is not None,
         )  # fmt: skip
 
 

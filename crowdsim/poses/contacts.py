@@ -160,7 +160,7 @@ def find_surfaces(
             # Fists that miss leave arms to these, which give way.
             surface, lower_arms = find_outlines(bodies, ~near.missed[chosen])
             behind = None if wrists is None else (wrists - fists)[chosen]
-            # Those that land do so beside forearms and hands: these give way, and what is hit would go with them.
+            # Fists that land stay out of forearms and hands: an arm that gives way would move what they hit.
             points[chosen] = touch_surface(points[chosen], behind, thick, surface, lower_arms)
             gaps = surface.gaps(fists[chosen])[0] - thick
         # A fist that misses is left alone where it is in no body.

@@ -31,8 +31,8 @@ _GLOVE, _BARE = 1.14, 0.7
 _LOWER_ARMS = ("left_elbow", "left_hand", "right_elbow", "right_hand")
 """Roles of the joints that forearms and hands hang on."""
 _ROUNDS, _BESIDE, _ENOUGH = 60, 12, 1e-4
-"""Times at most that a point goes onto the surface, those of them that it goes out of forearms and hands before, and
-distance from the surface that may be left [m]."""
+"""Rounds at most in which a point goes onto the surface, the first of them in which it also goes out of forearms and
+hands, and distance from the surface that may be left [m]."""
 
 
 class Surface(NamedTuple):
@@ -81,13 +81,10 @@ def find_outlines(bodies: PosedBodies, arms: Array | bool = True) -> tuple[Surfa
     kinds = _surface_kinds(body)[order]
     shown = kinds != ""
     capsules = place_capsules([bodies], 1, len(bodies.columns))
-    lower = np.isin(body.capsule_joints[order], [body.roles[role] for role in _LOWER_ARMS])
-    lower_arms = Surface(
-        capsules.starts[0][:, lower].astype(float),
-        capsules.ends[0][:, lower].astype(float) - capsules.starts[0][:, lower],
-        np.where(np.reshape(arms, (-1, 1, 1)), capsules.radii[:, lower], -1.0),
-    )
     starts, ends = (values[0].astype(float) for values in (capsules.starts, capsules.ends))
+    lower = np.isin(body.capsule_joints[order], [body.roles[role] for role in _LOWER_ARMS])
+    thick = np.where(np.reshape(arms, (-1, 1, 1)), capsules.radii[:, lower], -1.0)
+    lower_arms = Surface(starts[:, lower], ends[:, lower] - starts[:, lower], thick)
     up, side = (unit((ends - starts)[:, order == one][:, 0]) for one in _upper_trunk(body))
     ahead, starts, kinds = np.cross(up, side), starts[:, shown], kinds[shown]
     axes = ends[:, shown] - starts
@@ -132,7 +129,7 @@ def touch_surface(
     """Return where the middles of spheres are that touch bodies, nearest to given points by going out or in.
 
     The wrist behind each goes along. Where it would be deeper than ``WRIST_IN``, the sphere goes around the body, as
-    far as it still touches; so it goes out of what it lies beside.
+    far as it still touches. It also stays out of ``beside``.
 
     Args:
         points: One for each body [m]. Shape (n, 3).

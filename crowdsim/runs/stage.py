@@ -282,7 +282,7 @@ def refuse_others(base: Path, planned: Set[str], ledger: Ledger) -> None:
         held |= {
             name for name in planned & ledger.files.keys() if not exists_plain(base, name) and lexists(base / name)
         }
-        # No file, of ours neither, may be where a folder is wanted.
+        # A file in place of a folder is an error, even one that crowdsim wrote.
         files = {name for name in folders - {""} if exists_plain(base, name)}
     except OSError as error:
         raise OutputError(f"{error.filename or base}: cannot be read: {error.strerror or error}") from None
@@ -355,7 +355,7 @@ def write_together(
     if found is not None and run is not None and not own:
         raise OutputError(f"{out}: is in the folder of another run, {base}; expected another folder")
     if above.partition("/")[0] in (TAKE, *STAGES):
-        raise OutputError(f"{out}: is in what crowdsim keeps of the run {base}; expected another folder")
+        raise OutputError(f"{out}: is inside a folder that crowdsim keeps in the run {base}; expected another folder")
     key = checksum({"asked": wanted.asked, "from": dict(wanted.made_from)})
     inside = f"{above}/" if above else ""
     asked = {f"{inside}{label}": facts for label, facts in wanted.asked.items()}

@@ -118,6 +118,17 @@ def test_actions_that_are_clear_for_certain_are_in_no_obstacle_and_most_others_a
     assert sum(clear for clear, _ in found) > 0.7 * sum(free for _, free in found) > 40
 
 
+def test_actions_far_from_all_obstacles_are_clear_but_those_of_bodies_larger_than_the_grid_reaches():
+    one = Simulation(walled(interval=15.0))
+
+    def clear():
+        return is_clear(one.model, one.avatars, one._world.places, 0, 0, 40.0, 40.0, 1.0, 0.0)
+
+    assert clear()
+    one.avatars.playback["scale"][0] = 1000.0
+    assert not clear()
+
+
 def test_roots_slide_evenly_to_where_there_will_be_room():
     wall = pack_parts([(0, WallObstacle(kind="wall", points=((-9.0, 0.9), (9.0, 0.9))))], 15.0)
     one = Simulation(replace(walled(interval=0.0, arena=np.zeros(5), speed=1.0), parts=wall))

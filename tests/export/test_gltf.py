@@ -29,6 +29,7 @@ from crowdsim.export import gltf, stream
 from crowdsim.export.gltf import write_gltf
 from crowdsim.export.posed import write_posed
 from crowdsim.export.prop_meshes import capsule_mesh
+from crowdsim.outputs.bvh import BvhOutput
 from crowdsim.outputs.glb import GlbOutput
 from crowdsim.places.arrays import pack_parts
 from crowdsim.places.description import DiscObstacle, WallObstacle
@@ -550,7 +551,8 @@ def test_what_an_interrupted_command_has_posed_is_not_posed_again(
     for name in ("whole", "again"):
         (tmp_path / name).mkdir()
     whole = write_posed(sampler, tmp_path / "whole", [output])["glb"][0].read_bytes()
-    counts, sample, note, stops = [], PoseSampler.sample, gltf.GltfFile.note, [25, 60]
+    frames, parts = sampler.take.output_frames(30.0), 2 if most == 2 else 1
+    counts, sample, note, stops = [], PoseSampler.sample, gltf.GltfFile.note, [(0, 25), (parts - 1, 60)]
 
     def counted(self: PoseSampler, start: int, stop: int, *others: object) -> object:
         counts[-1] += stop - start
@@ -558,7 +560,7 @@ def test_what_an_interrupted_command_has_posed_is_not_posed_again(
 
     def interrupted(self: gltf.GltfFile, part: int, rows: int) -> None:
         note(self, part, rows)
-        if stops and rows > stops[0]:
+        if stops and part == stops[0][0] and rows > stops[0][1]:
             raise KeyboardInterrupt
 
     monkeypatch.setattr(PoseSampler, "sample", counted)
@@ -572,7 +574,6 @@ def test_what_an_interrupted_command_has_posed_is_not_posed_again(
     counts.append(0)
     (path,) = write_posed(sampler, tmp_path / "again", [output])["glb"][:1]
     assert path.read_bytes() == whole
-    frames, parts = sampler.take.output_frames(30.0), 2 if most == 2 else 1
     assert counts[2] <= parts * frames - 60
     assert sorted(file.name for file in path.parent.iterdir()) == ["avatars.csv", "take.glb"]
     # Of a file that has all its frames nothing is posed; of another, and where more are noted, nothing is taken over.
@@ -586,3 +587,27 @@ def test_what_an_interrupted_command_has_posed_is_not_posed_again(
         half.parent.mkdir(parents=True)
         half.write_bytes(b"x" * (len(whole) + 8 * parts if part == "long" else 100))
         assert write_posed(sampler, tmp_path / part, [output])["glb"][0].read_bytes() == whole
+
+
+def test_a_file_whose_frames_are_all_written_is_finished_beside_a_longer_one(
+    sampler: PoseSampler, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stream, "_POSES_AT_ONCE", 21)
+    outputs = [GlbOutput(fps=30.0, frames=(0, 50)), BvhOutput(fps=30.0)]
+    for name in ("whole", "again"):
+        (tmp_path / name).mkdir()
+    whole = write_posed(sampler, tmp_path / "whole", outputs)
+    sample = PoseSampler.sample
+
+    def interrupted(self: PoseSampler, start: int, *others: object) -> object:
+        if start > 60:
+            raise KeyboardInterrupt
+        return sample(self, start, *others)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(PoseSampler, "sample", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            write_posed(sampler, tmp_path / "again", outputs)
+    again = write_posed(sampler, tmp_path / "again", outputs)
+    for kind, paths in whole.items():
+        assert [path.read_bytes() for path in again[kind]] == [path.read_bytes() for path in paths]

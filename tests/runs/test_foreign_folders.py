@@ -225,9 +225,9 @@ def test_exports_and_pictures_of_a_run_do_not_go_into_another_one(place: Path, c
 @pytest.mark.parametrize(
     ("out", "why"),
     [
-        ("run/take.zarr", "is in what crowdsim keeps of the run"),
-        ("run/take.zarr/more", "is in what crowdsim keeps of the run"),
-        (f"run/{EXPORT}/more", "is in what crowdsim keeps of the run"),
+        ("run/take.zarr", "is inside a folder that crowdsim keeps in the run"),
+        ("run/take.zarr/more", "is inside a folder that crowdsim keeps in the run"),
+        (f"run/{EXPORT}/more", "is inside a folder that crowdsim keeps in the run"),
         (f"run/{NAME}", "is in the way of what is to be written"),
         ("run/scenario.resolved.yaml", "is in the way of what is to be written"),
     ],

@@ -75,7 +75,7 @@ def _confine(model, avatars, places, frame, i):
 def is_clear(model, avatars, places, i, action, base_x, base_z, cos, sin):
     """Return whether the octagon around an action is in no obstacle; by where that is based (``bases.base_of``).
 
-    All of an obstacle's part lies beyond the line through its nearest point, at a right angle to the way there.
+    Parts are convex: each lies wholly beyond the line through its nearest point, perpendicular to the way there.
     """
     if avatars.conditions.shape[0] > 0 and (avatars.slides[i].x != 0.0 or avatars.slides[i].z != 0.0):
         return False
@@ -99,7 +99,7 @@ def is_clear(model, avatars, places, i, action, base_x, base_z, cos, sin):
 
 @kernel(inline=True)
 def furthest_along(span, right, ahead):
-    """Return how far an octagon (``Model.spans``) reaches along a vector, times its length, at the most."""
+    """Return a bound of how far an octagon (``Model.spans``) reaches along a vector, times the length of that."""
     wide, deep = abs(right), abs(ahead)
     side = span[int(right < 0.0)] if wide > deep else span[2 + int(ahead < 0.0)]
     return abs(wide - deep) * side + min(wide, deep) * span[4 + 2 * int(right < 0.0) + int(ahead < 0.0)]

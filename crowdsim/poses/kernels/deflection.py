@@ -28,7 +28,7 @@ _STANDS = 0.5
 _FIST_IN = 0.04
 """How much deeper the capsule of a fist may be in what it hits [m]: the skin of that is slimmer than capsules."""
 _ON_IT = 0.005
-"""Depth of a fist's capsule in that of an upper arm from which it is wholly on it [m]."""
+"""Depth of a fist in an upper arm from which on the arm is held wholly [m]."""
 _AT_LAST = 1.001
 """One, and how readily a limb gives way to another one while it lands a strike: that one goes, if it can."""
 _MARGIN, _LEG_MARGIN = 0.05, 0.015
@@ -53,7 +53,7 @@ class MovingLimbs(NamedTuple):
         limbs: Limb of each capsule, -1 for those of the trunk. Shape (N, K).
         weights: How far each of its ends goes along with the middle and the end of the limb. Shape (N, K, 2, 2).
         landing: How close to a strike that lands each limb is, from 0 to 1. Shape (T, N, 4).
-        hitting: Likewise of those strikes that no arm blocks. Shape (T, N, 4).
+        hitting: The same for strikes that no arm blocks, whoever is hit. Shape (T, N, 4).
         freedom: How readily the end of each limb moves, 1 unless it is a planted foot. Shape (T, N, 4).
         down: Bodies that are down: their limbs do not give way, those of others do the whole. Shape (T, N), bool.
     """
@@ -264,7 +264,10 @@ def _find_contacts(capsules, limbs, t, n, order, rank, contacts):
 
 @kernel(allocates=False)
 def _hold_arms(limbs, t, n, contacts, count, moves):
-    """Keep elbows where they are, and hands half, of arms on whose upper arm a strike lands, which would be off it."""
+    """Hold arms in place while a strike lands on their upper arms: elbows wholly, hands by half.
+
+    Otherwise these would leave the fist.
+    """
     for limb in range(2):
         held = 0.0
         for contact in range(count):

@@ -1,4 +1,4 @@
-"""What actions are worth that lead to a strike that will land on a scripted target, whose path is foreseen."""
+"""Value of actions that lead to a strike on a scripted target, whose path is known in advance."""
 
 import numpy as np
 
@@ -10,8 +10,8 @@ from crowdsim.crowd.kernels.outcomes import ball_at
 from crowdsim.crowd.kernels.positions import position_of
 from crowdsim.jit import kernel
 
-AIM = 4.0  # what a strike is worth that will land
-SET_UP = 0.75  # what an action is worth that such a strike can follow, of that
+AIM = 4.0  # value of a strike that will land
+SET_UP = 0.75  # share of a value that is left one action earlier
 AIMED = 4.0  # distance up to which a target is aimed at, as far as the actions of a plan and the target lead [m]
 DEPTH = 3  # how many actions a plan has before its strike
 
@@ -20,8 +20,8 @@ DEPTH = 3  # how many actions a plan has before its strike
 def aim_at_target(model, avatars, world, now, own, observed, q, scratch):
     """Add to the values of actions by how soon a strike can land on the avatar's scripted target.
 
-    A strike is worth ``AIM`` where it lands itself. Other actions are worth ``SET_UP`` of what the best action is worth
-    that can follow them, in plans of ``DEPTH`` actions and a strike.
+    A strike that will land is worth ``AIM``. Any other action is worth ``SET_UP`` times the best plan that can follow
+    it, of up to ``DEPTH`` actions and a strike.
     """
     target, values = avatars.fight[own].next_opponent, scratch.values[q]
     if target > -2 or world.crowding.at_air <= 0.0:
@@ -44,7 +44,7 @@ def aim_at_target(model, avatars, world, now, own, observed, q, scratch):
 
 @kernel(inline=True)
 def _end_of(model, action, start, size):
-    """Return the position and the heading in which an action ends that starts in others."""
+    """Return the position and the heading at the end of an action that begins at ``start``."""
     cos, sin = cos_sin(start[2])
     move = model.moves[action]
     x, z = move.x * size, move.z * size
@@ -99,16 +99,20 @@ def _lands(model, avatars, world, now, own, action, start, frames):
     cos, sin = cos_sin(start[2])
     fx, fz = strike.x * size, strike.z * size
     point = start[0] + fx * cos + fz * sin, strike.y * size, start[1] - fx * sin + fz * cos
+    # Frames of the next action that have passed already, see ``advance.switch``.
     begun = min(motion.phase - model.actions[motion.action].length, motion.speed)
-    x, y, z = _foresee(world, now, target, (frames + strike.time - begun) / motion.speed)
+    ahead = (frames + strike.time - begun) / motion.speed
+    if ahead > FORESEEN - 1.0:
+        return False
+    x, y, z = _foresee(world, now, target, ahead)
     body = ball_at(model, avatars, own, x, y, z)
     return lands_on_posed_body(point, body, model.sizes[avatars.policy[own]].tolerance * size)
 
 
 @kernel(inline=True)
 def _foresee(world, now, target, frames):
-    """Return where a scripted target will be in some control frames, which are not whole: x, y and z [m]."""
-    frames = min(max(frames, 0.0), FORESEEN - 1.0)
+    """Return where a scripted target will be in some control frames, up to ``FORESEEN - 1``: x, y and z [m]."""
+    frames = max(frames, 0.0)
     moment, share = now.moment + int(frames), frames - int(frames)
     before, after = world.targets[moment, -2 - target], world.targets[moment + 1, -2 - target]
     x, y = before[0] + share * (after[0] - before[0]), before[1] + share * (after[1] - before[1])

@@ -56,7 +56,8 @@ def _add_backs(model, avatars, places, frame, own, state, dx, dz, values):
     cos, sin = cos_sin(avatars.heading[own])
     cos, sin = cos * size, sin * size
     offset = np.uint64(model.offsets[state])
-    # No branch, since it cannot be predicted which actions end near the obstacle.
+    # Without branches: the processor cannot predict which actions end near the obstacle. Unsigned, since numba adds a
+    # branch for indices that may be negative.
     for k in range(np.uint64(model.offsets[state + 1]) - offset):
         move = model.moves[offset + k]
         ex, ez = move.x * cos + move.z * sin, move.z * cos - move.x * sin
