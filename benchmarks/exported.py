@@ -10,8 +10,9 @@ capture's files give the source motion, which is measured in the same way. The p
 figures of `crowdsim inspect` that are printed beside these, and to draw. All avatars of a run must use one policy and
 be present from its start to its end.
 
---strips FOLDER draws the ten worst moments of each kind into FOLDER/RUN_KIND.png: strips of frames around them, from
-the side, with avatars, time and figure. The JSON document has a group for each run, with these keys:
+--strips FOLDER draws the ten worst moments of each kind, and the ten most typical blows, into FOLDER/RUN_KIND.png:
+strips of frames around them, from the side, with avatars, time and figure. The JSON document has a group for each run,
+with these keys:
 
 - `undisturbed`: a second or more from transitions, away from strikes and from other bodies, where the files must equal
   the source motion. See `_exported/calm.py`.
@@ -49,7 +50,8 @@ the side, with avatars, time and figure. The JSON document has a group for each 
 - `variety`: repeated motion, the same source among neighbours, the same strikes at once, stillness. See
   `_exported/variety.py`.
 
-Groups have `moments`, the ten worst: value, avatar, frame, and where there are any the other avatar and parts.
+Groups have `moments`, the ten worst, and `blows` has `typical` ones, whose value is nearest to the median: value,
+avatar, frame, and where there are any the other avatar and parts.
 """
 
 from __future__ import annotations

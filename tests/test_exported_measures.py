@@ -366,6 +366,13 @@ def test_worst_moments_of_one_avatar_are_a_second_apart(modules: SimpleNamespace
     assert [one["value"] for one in found] == [5.0, 3.0, 2.0]
 
 
+def test_typical_moments_are_those_nearest_to_the_median(modules: SimpleNamespace) -> None:
+    values = np.array([9.0, 1.0, 4.0, 5.0, 3.0])
+    found = modules.run.typical_moments(values, np.arange(5), np.zeros(5, int), FPS, other=np.arange(5) + 10)
+    assert [one["value"] for one in found] == [4.0, 5.0, 3.0, 1.0, 9.0]
+    assert [one["other"] for one in found] == [12, 13, 14, 11, 10]
+
+
 def test_goals_are_stated_in_the_unit_of_their_figure(modules: SimpleNamespace) -> None:
     by_keys = {measure.keys: measure for measure in modules.goals.MEASURES}
     assert by_keys["bodies", "without_arms", "share"].goal("brawl_30") == "at most 0.2 %"

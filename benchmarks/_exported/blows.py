@@ -25,7 +25,7 @@ import numpy as np
 
 from _exported.plain_bvh import Array
 from _exported.reactions import hits_body, strike_way, unhit_moment
-from _exported.run import PELVIS, ExportedRun, Strike, worst_moments
+from _exported.run import PELVIS, ExportedRun, Strike, typical_moments, worst_moments
 from _exported.witness import JOINTS, Figure, unit
 
 SWING = 0.2
@@ -133,6 +133,9 @@ def measure_blows(run: ExportedRun) -> dict[str, Any]:
     blocked = strikes_of(run, np.flatnonzero(measured & events["blocked"] & (events["limb"] < 2)))
     gives = [guard_gives(run, one, strike_way(run, one)[0]) for one in blocked]
     shown = np.array([fastest(run, one) for one in landed]) * masses
+    hidden = impulses - impulses.max() * peaks[:, 0] / max(float(peaks[:, 0].max()), 1e-9)
+    victims = np.array([one.victim for one in landed]), frames, run.fps
+    attackers = np.array([one.attacker for one in landed])
     return {
         "landed": len(landed),
         "impulse": {name: float(value) for name, value in zip(("weak", "strong", "greatest"),
@@ -157,11 +160,8 @@ def measure_blows(run: ExportedRun) -> dict[str, Any]:
             "in_any_direction": float(np.mean(bends[:, 1] >= BENT)) if len(bends) else None,
         },
         "guard": {"blocked": len(gives), "median": float(np.median(gives)) if gives else None},
-        "moments": worst_moments(
-            impulses - impulses.max() * peaks[:, 0] / max(float(peaks[:, 0].max()), 1e-9),
-            np.array([one.victim for one in landed]), frames, run.fps,
-            other=np.array([one.attacker for one in landed]),
-        ),
+        "moments": worst_moments(hidden, *victims, other=attackers),
+        "typical": typical_moments(hidden, *victims, other=attackers),
     }  # fmt: skip
 
 

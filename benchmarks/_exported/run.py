@@ -129,6 +129,12 @@ def worst_moments(values: Array, avatars: Array, frames: Array, fps: float, **mo
     return kept
 
 
+def typical_moments(values: Array, avatars: Array, frames: Array, fps: float, **more: Any) -> list[dict[str, Any]]:
+    """Return the moments whose values are nearest to the median; see ``worst_moments``."""
+    off = np.abs(np.asarray(values, float) - np.median(values))
+    return worst_moments(-off, avatars, frames, fps, value=np.asarray(values, float), **more)
+
+
 def between_frames(path: Array, frame: float) -> Array:
     """Return a path (F, ...) between its frames, by a cubic through four of them."""
     low = int(np.clip(np.floor(frame + 1e-6), 1, len(path) - 3))

@@ -1,4 +1,4 @@
-"""Strips of the worst moments of a run: bodies as its BVH files pose them, drawn by the package's renderer."""
+"""Strips of the worst moments of a run and of typical ones: bodies as its BVH files pose them, drawn by the package."""
 
 from __future__ import annotations
 
@@ -69,12 +69,13 @@ KINDS = (
     Kind("behind", ("gaze", "behind_moments"), 0.2, 1.0, 1.0, "degrees"),
     Kind("reactions", ("reactions", "moments"), 0.1, 0.7, 100.0, "cm towards the fist"),
     Kind("blows", ("blows", "moments"), 0.1, 0.9, 1.0, "kg m/s that do not show"),
+    Kind("typical_blows", ("blows", "typical"), 0.1, 0.9, 1.0, "kg m/s that do not show"),
     Kind("equal_strikes", ("variety", "moments"), 0.4, 0.4, 1.0, "s apart"),
 )
 
 
 def draw_strips(folder: Path, bundle: Path, run: ExportedRun, results: dict[str, Any], out: Path) -> None:
-    """Draw the worst moments of each kind.
+    """Draw the worst moments of each kind, and the most typical blows.
 
     Args:
         folder: The run's folder.
