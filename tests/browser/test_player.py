@@ -186,7 +186,7 @@ def test_skins_are_coarser_and_bars_of_health_smaller_the_further_avatars_are(pl
     assert 300 < triangles[2] <= 560
     assert triangles[3] == 0
     assert bars[0] == 34
-    assert 0 < bars[2] < 30
+    assert 0 < bars[2] < bars[0]
     assert bars[3] == 0
 
 
