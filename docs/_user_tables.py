@@ -42,12 +42,12 @@ def figures(results: Results) -> list[str]:
          " / ".join(get(number, "scenes", "brawl_30", "mean", f"{what}_per_minute") for what in ("thrown", "landed")),
          ""],
         ["fists further than 2 cm from what they hit",
-         get(percent, "exported", "brawl_30", "fists", "beyond_2_cm"), ""],
+         get(percent, "blows", "brawl_30", "fists_beyond_2_cm", "mean"), ""],
         ["slide of planted feet, median", get(scaled(1.0, " m/s"), "exported", "brawl_30", "feet", "slide", "median"),
          f"the captured motion: "
          f"{get(scaled(1.0, ' m/s'), 'exported', 'brawl_30', 'feet', 'slide_of_all_the_capture', 'median')}"],
     ]  # fmt: skip
-    benchmarks = ("first_result", "control", "render", "bvh", "export", "scenes", "exported")
+    benchmarks = ("first_result", "control", "render", "bvh", "export", "scenes", "blows", "exported")
     return results.table(["", "crowdsim", "beside"], rows, *benchmarks)
 
 
