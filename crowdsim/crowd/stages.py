@@ -177,9 +177,7 @@ class Stages:
 
         self._workers.each(throw, now.present)
         thrown = np.concatenate([empty_strikes(0), *(found[first] for first in sorted(found))])
-        felled, held = resolve(
-            self._model, self._avatars, world, now.frame, thrown, 0, len(thrown), np.empty((len(thrown), 4))
-        )
+        felled, held = resolve(self._model, self._avatars, world, now.frame, thrown, 0, len(thrown))
         if felled > 0:
             observed, scratch = self._take_room()
             room = empty_room(self._model, self._crowding.most)

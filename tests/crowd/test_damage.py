@@ -87,23 +87,21 @@ def test_health_is_what_a_naive_count_of_strikes_leaves():
     out = np.zeros(12, bool)
     for frame in range(250):
         events = one.run(1).events
-        hit = set()
         assert (events.damage[~np.isin(events.outcome, (layout.LANDED, layout.BLOCKED))] == 0.0).all()
-        for k in np.flatnonzero(np.isin(events.outcome, (layout.LANDED, layout.BLOCKED)) & (events.victim >= 0)):
+        hits = np.flatnonzero(np.isin(events.outcome, (layout.LANDED, layout.BLOCKED)) & (events.victim >= 0))
+        for k in hits[np.lexsort((events.attacker[hits], events.frame[hits]))]:
             victim = int(events.victim[k])
             if out[victim]:
+                assert not events.down[k]
                 continue
             taken = harm(one, events, k)
             assert abs(events.damage[k] - taken) <= 2 / GRAIN
             health[victim] = max(health[victim] - taken, 0.0)
             hurt[victim] = (hurt[victim] if frame - since[victim] <= LATELY else 0.0) + taken
             since[victim] = frame
-            hit.add(victim)
-        for victim in hit:
-            assert np.count_nonzero(events.down & (events.victim == victim)) == (
-                hurt[victim] >= DOWN or health[victim] <= 0.0
-            )
-            if hurt[victim] >= DOWN or health[victim] <= 0.0:
+            down = hurt[victim] >= DOWN or health[victim] <= 0.0
+            assert events.down[k] == down
+            if down:
                 downs[victim], hurt[victim] = downs[victim] + 1, 0.0
             out[victim] = downs[victim] >= MOST or health[victim] <= 0.0
         np.testing.assert_allclose(one.avatars.conditions["health"], health, atol=8 / GRAIN)
@@ -195,7 +193,7 @@ def test_from_the_blow_on_an_avatar_that_is_knocked_down_falls_and_throws_nothin
                 cut += phase + speed < lengths[action] - 1.0
             blows.append(victim)
         # These falls are ordinary actions, which strike later.
-        assert not ((events.frame > since[events.attacker] + 1e-6) & ~events.down).any()
+        assert not (events.frame > since[events.attacker] + 1e-6).any()
         since[:] = np.inf
     assert len(blows) > 10
     assert cut > 3
@@ -213,9 +211,7 @@ def struck(*rows):
     for row, (attacker, victim, time, share) in zip(strikes, rows, strict=True):
         row["attacker"], row["victim"], row["frame"] = attacker, victim, one.frame - 1.0 + time
         row["outcome"], row["y"], row["speed"] = layout.LANDED, 3.0, share * one.model.sizes["strong"][0]
-    felled, left = resolve(
-        one.model, one.avatars, one._world, one.frame, strikes, 0, len(strikes), np.empty((len(strikes), 4))
-    )
+    felled, left = resolve(one.model, one.avatars, one._world, one.frame, strikes, 0, len(strikes))
     fight = one.avatars.fight[one.avatars.slot_of]
     columns = ["hit_x", "hit_z", "hit_frame", "hit_by"]
     bodies = [[fight[columns][n].tolist(), one.avatars.conditions[n].tolist()] for n in range(4)]
@@ -228,6 +224,14 @@ def test_what_one_throws_that_falls_already_does_nothing_to_its_victim(others, t
     blow, late, early = (0, 1, 0.5, 0.1), (1, 2, 0.7, 0.8), (1, 2, 0.3, 0.8)
     assert struck(*(blow, late, *others)[::turned]) == struck(*(blow, *others)[::turned])
     assert struck(*(blow, early, *others)[::turned]) != struck(*(blow, *others)[::turned])
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+def test_of_two_that_knock_each_other_down_the_first_to_land_stays_up(turned):
+    felled, left, bodies = struck(*((0, 1, 0.5, 0.1), (1, 0, 0.6, 2.0), (2, 1, 0.7, 0.1))[::turned])
+    assert felled == 1
+    assert sorted(left) == [0, 2]
+    assert bodies == struck((0, 1, 0.5, 0.1), (2, 1, 0.7, 0.1))[2]
 
 
 @pytest.mark.parametrize("falls", [False, True])

@@ -30,7 +30,7 @@ def run_frames(model, avatars, world, now, count, still, fresh, scratch, record,
     present = now.present
     due, chosen = np.empty(present, np.int32), np.empty(present, np.int32)
     distances, hits = np.empty(present), np.empty(present, np.int64)
-    kept, most = np.empty((strikes.shape[0], 4)), scratch.near.shape[0]
+    most = scratch.near.shape[0]
     room = empty_room(model, most)
     observed = Observed(np.empty(present, np.int32), np.empty(present, np.int32), np.empty((present, most), np.int32))
     clock = np.empty(8, np.int64)
@@ -55,7 +55,7 @@ def run_frames(model, avatars, world, now, count, still, fresh, scratch, record,
         note_time(timings, clock, 4)
         before = held
         held = list_strikes(model, avatars, world, then, 0, present, due, strikes, held)
-        felled, held = resolve(model, avatars, world, then.frame, strikes, before, held, kept)
+        felled, held = resolve(model, avatars, world, then.frame, strikes, before, held)
         if felled > 0:
             tree = everyone(avatars, present)
             knock_down(model, avatars, world, then, strikes, before, held, tree, observed, room)

@@ -60,13 +60,12 @@ def list_strikes(model, avatars, world, now, first, last, who, strikes, held):
 
 
 @kernel
-def resolve(model, avatars, world, frame, strikes, first, last, before):
+def resolve(model, avatars, world, frame, strikes, first, last):
     """Apply strikes ``first`` to ``last``, which are those of ``frame``, but those of avatars that fall already.
 
-    ``before`` is scratch space, with a row of 4 for each of these strikes.
     Returns how many avatars are knocked down, and where the strikes that are left end.
     """
-    felled, last = apply_damage(model, avatars, world, frame, strikes, first, last, before)
+    felled, last = apply_damage(model, avatars, world, frame, strikes, first, last)
     note_hits(model, avatars, frame, strikes, first, last)
     return felled, last
 
