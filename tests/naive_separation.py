@@ -18,20 +18,9 @@ def distance_to_point(p, q, point):
 
 
 def distance(p, q, r, s):
-    """Least distance of the segments p q and r s: at an end, or where their lines are nearest if that is in both.
-
-    In plain numbers: for vectors as short as these, each call of numpy takes longer than all of it.
-    """
-    p, q, r, s = (np.asarray(point, dtype=float).tolist() for point in (p, q, r, s))
-    found = [distance_to_point(p, q, r), distance_to_point(p, q, s)]
-    found += [distance_to_point(r, s, p), distance_to_point(r, s, q)]
-    u, v, w = _way(p, q), _way(r, s), _way(r, p)
-    a, b, c, d, e = _dot(u, u), _dot(u, v), _dot(v, v), _dot(u, w), _dot(v, w)
-    if (square := a * c - b * b) > 1e-12 * a * c:
-        shares = (b * e - c * d) / square, (a * e - b * d) / square
-        if min(shares) >= 0.0 and max(shares) <= 1.0:
-            found.append(math.dist(_along(p, u, shares[0]), _along(r, v, shares[1])))
-    return min(found)
+    """Least distance of the segments p q and r s."""
+    share, part = nearest(p, q, r, s)
+    return math.dist(_along(p, _way(p, q), share), _along(r, _way(r, s), part))
 
 
 def _way(p, q):
@@ -47,20 +36,21 @@ def _dot(one, other):
 
 
 def nearest(p, q, r, s):
-    """Shares of the ways along the segments p q and r s at which these are nearest to one another."""
-    u, v = q - p, s - r
+    """Shares of the ways along the segments p q and r s at which these are nearest to one another, in plain numbers."""
+    p, q, r, s = (np.asarray(point, dtype=float).tolist() for point in (p, q, r, s))
+    u, v, w = _way(p, q), _way(r, s), _way(r, p)
 
     def along(start, way, point):
-        return float(np.clip(way @ (point - start) / (way @ way), 0.0, 1.0)) if way @ way > 0.0 else 0.0
+        return min(max(_dot(way, _way(start, point)) / _dot(way, way), 0.0), 1.0) if _dot(way, way) > 0.0 else 0.0
 
-    found = [(end, along(r, v, p + end * u)) for end in (0.0, 1.0)] + [
-        (along(p, u, r + end * v), end) for end in (0.0, 1.0)
-    ]
-    ways = np.stack([u, -v], axis=1)
-    shares, _, rank, _ = np.linalg.lstsq(ways, r - p, rcond=None)
-    if rank == 2 and (shares >= 0.0).all() and (shares <= 1.0).all():
-        found.append(tuple(shares))
-    return min(found, key=lambda shares: np.linalg.norm(p + shares[0] * u - r - shares[1] * v))
+    found = [(end, along(r, v, _along(p, u, end))) for end in (0.0, 1.0)]
+    found += [(along(p, u, _along(r, v, end)), end) for end in (0.0, 1.0)]
+    a, b, c, d, e = _dot(u, u), _dot(u, v), _dot(v, v), _dot(u, w), _dot(v, w)
+    if (square := a * c - b * b) > 1e-12 * a * c:
+        shares = (b * e - c * d) / square, (a * e - b * d) / square
+        if min(shares) >= 0.0 and max(shares) <= 1.0:
+            found.append(shares)
+    return min(found, key=lambda shares: math.dist(_along(p, u, shares[0]), _along(r, v, shares[1])))
 
 
 def body_points(motion, positions, rotations, scales):
@@ -85,8 +75,8 @@ def overlap(own, other, radii, others, left):
     for i, j in itertools.product(range(len(PARTS)), repeat=2):
         p, q, r, s = own[PARTS[i][0]], own[PARTS[i][1]], other[PARTS[j][0]], other[PARTS[j][1]]
         share, part = nearest(p, q, r, s)
-        wide = np.interp(share, [0, 1], radii[i]) + np.interp(part, [0, 1], others[j])
-        gap = np.linalg.norm(p + share * (q - p) - r - part * (s - r))
+        wide = (1.0 - share) * radii[i][0] + share * radii[i][1] + (1.0 - part) * others[j][0] + part * others[j][1]
+        gap = math.dist(p + share * (q - p), r + part * (s - r))
         depth = max(depth, wide - gap - (left if max(i, j) >= LEGS else 0.0))
     return depth
 

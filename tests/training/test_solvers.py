@@ -86,7 +86,7 @@ CHANGING = {
     "height and velocity": [Axis("height", 1.2, 1.6, 2), Axis("velocity", -0.2, 0.1, 3)],
     "impact": [Axis("impact", 0.0, 5.0, 4)],
     "heading, velocity and impact": [
-        Axis("heading", -np.pi, np.pi, 3, wraps=True), Axis("velocity", -0.1, 0.1, 3), Axis("impact", 1.0, 4.0, 3)
+        Axis("heading", -np.pi, np.pi, 3, wraps=True), Axis("velocity", -0.1, 0.1, 2), Axis("impact", 1.0, 4.0, 2)
     ],
 }  # fmt: skip
 
@@ -94,7 +94,7 @@ CHANGING = {
 @pytest.mark.parametrize("layers", CHANGING.values(), ids=CHANGING.keys())
 @pytest.mark.parametrize("movement", [build_movement(), build_movement(1.0, 3, 0.4)], ids=["still", "moving"])
 def test_what_is_seen_changes_while_the_avatar_acts_as_a_naive_solver_says(layers, movement):
-    grid, actions = build_grid([Axis("distance", 0.2, 1.4, 4), CIRCLE, *layers]), random_actions(states=4)
+    grid, actions = build_grid([Axis("distance", 0.2, 1.4, 3), CIRCLE, *layers]), random_actions(states=3)
     hit = HitTerm(kind="hit", distance=(0.4, 0.7), sigma=0.2)
     terms = (*TERMS, hit) if grid.axes[-1].name == "impact" else TERMS
     backup = "interpolation_of_max"
