@@ -18,7 +18,8 @@ GROUND_X, GROUND_Z, GROUND_T, WIDTH_X, WIDTH_Z = 26 * N, 27 * N, 28 * N, 29 * N,
 REST = 31 * N
 RED, GREEN, BLUE = 32 * N, 33 * N, 34 * N
 LINE, OUTSIDE = 35 * N, 36 * N
-SCRATCH = 37 * N
+HIT_T, HIT_S, HIT_C = 37 * N, 38 * N, 39 * N
+SCRATCH = 40 * N
 
 POINTS = 7 * N
 """Points to be lit in a tile: the floor in every pixel, then up to four edges and two crossing fronts a pixel."""
