@@ -28,8 +28,8 @@ BODY_RADIUS = 0.2
 _OVERLAP_AVATAR_FRAMES = 2_000_000
 _AVATARS = 16_384
 """Fewest avatars whose counting is worth a range of its own."""
-_FEW = 128
-"""As many bodies are compared in pairs, which needs no compiled tree."""
+_FEW, _PAIRS_AT_ONCE = 128, 1_000_000
+"""As many bodies are compared in pairs, which needs no compiled tree; and pairs that are compared at once."""
 
 
 @dataclass(frozen=True)
@@ -122,12 +122,11 @@ class StatisticsCounter:
         present, transitions, changes = np.sum([np.zeros(3, np.int64), *counts], axis=0).tolist()
         self._present, self._transitions = self._present + present, self._transitions + transitions
         self._changes += changes
-        for frame in range(-self._frames % self._every, len(action), self._every):
-            here = action[frame] >= 0
-            self._looked += int(np.count_nonzero(here))
-            x, z = (np.asarray(rows[name][frame])[here] for name in ("x", "z"))
-            found = overlapping(x, z, self._scale[here], threads=self._threads)
-            self._overlapping += int(np.count_nonzero(found))
+        some = slice(-self._frames % self._every, None, self._every)
+        here = action[some] >= 0
+        self._looked += int(np.count_nonzero(here))
+        x, z = (np.where(here, rows[name][some], np.nan) for name in ("x", "z"))
+        self._overlapping += int(np.count_nonzero(overlapping(x, z, self._scale, threads=self._threads)))
         self._frames += len(action)
 
     def finish(self) -> CrowdStatistics:
@@ -158,23 +157,36 @@ def overlapping(
     Of many bodies, each is compared with the sixteen nearest.
 
     Args:
-        x: Positions [m]. Shape (N,).
-        z: Likewise. Shape (N,).
+        x: Positions, NaN of absent bodies [m]. Shape (T, N) or (N,).
+        z: Likewise.
         scale: Scale of each body. Shape (N,) or ().
         radius: Radius for scale 1 [m].
         threads: Threads that compare many bodies.
     """
     xs, zs = np.asarray(x, dtype=float), np.asarray(z, dtype=float)
-    radii = np.ascontiguousarray(np.broadcast_to(np.asarray(scale, dtype=float) * radius, xs.shape))
-    if len(xs) < 2:
-        return np.zeros(len(xs), bool)
-    if len(xs) <= _FEW:
-        near = np.hypot(xs[:, None] - xs, zs[:, None] - zs) < radii[:, None] + radii
-        np.fill_diagonal(near, val=False)
-        few: Array = near.any(axis=1)
-        return few
-    result, greatest = np.empty(len(xs), bool), float(radii.max())
-    with Workers(threads) as workers:
-        tree, order = build_tree(xs, zs, workers=workers)
-        workers.each(lambda first, last: find_overlaps(tree, order, radii, greatest, first, last, result), len(xs))
+    count = xs.shape[-1]
+    radii = np.ascontiguousarray(np.broadcast_to(np.asarray(scale, dtype=float) * radius, count))
+    result = np.zeros(xs.shape, bool)
+    rows = tuple(values.reshape(xs.size // max(count, 1), count) for values in (xs, zs, result))
+    if count <= _FEW:
+        at_once = max(_PAIRS_AT_ONCE // max(count * count, 1), 1)
+        for low in range(0, len(rows[0]), at_once):
+            own_x, own_z, found = (values[low : low + at_once] for values in rows)
+            apart = np.hypot(own_x[:, :, None] - own_x[:, None], own_z[:, :, None] - own_z[:, None])
+            found[:] = ((apart < radii[:, None] + radii) & ~np.eye(count, dtype=bool)).any(axis=2)
+        return result
+    for own_x, own_z, found in zip(*rows, strict=True):
+        here = np.isfinite(own_x)
+        found[here] = _overlapping_of_many(own_x[here], own_z[here], radii[here], threads)
+    return result
+
+
+def _overlapping_of_many(x: Array, z: Array, radii: Array, threads: int) -> Array:
+    """Return whether each body (n,) overlaps one of the sixteen nearest."""
+    result = np.zeros(len(x), bool)
+    if len(x) > 1:
+        greatest = float(radii.max())
+        with Workers(threads) as workers:
+            tree, order = build_tree(x, z, workers=workers)
+            workers.each(lambda first, last: find_overlaps(tree, order, radii, greatest, first, last, result), len(x))
     return result

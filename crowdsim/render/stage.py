@@ -26,7 +26,7 @@ from crowdsim.render.source import PoseSource, Shown
 from crowdsim.render.view import View
 from crowdsim.scenario.cameras import Chosen
 
-VERSION = 12
+VERSION = 13
 """Counts changes after which pictures differ."""
 _BETWEEN = 34
 """Grey of the line between cameras side by side."""

@@ -115,11 +115,11 @@ class FightCounter:
         self._add_strikes(chunk)
         self._last = (chunk.x[-1].copy(), chunk.z[-1].copy(), chunk.targets[-1].copy())
         self._present += np.count_nonzero(chunk.action >= 0, axis=0).astype(np.int32)
-        for k in range(-chunk.first % self._every, chunk.frames, self._every):
-            here = chunk.action[k] >= 0
-            self._looked += int(np.count_nonzero(here))
-            inside = overlapping(chunk.x[k, here], chunk.z[k, here], self._scales[here])
-            self._overlapping += int(np.count_nonzero(inside))
+        some = slice(-chunk.first % self._every, None, self._every)
+        here = chunk.action[some] >= 0
+        self._looked += int(np.count_nonzero(here))
+        x, z = (np.where(here, values[some], np.nan) for values in (chunk.x, chunk.z))
+        self._overlapping += int(np.count_nonzero(overlapping(x, z, self._scales)))
         rows = max(1, _BLOCK_AVATAR_FRAMES // max(len(self._scales), 1))
         for first in range(max(self._begin - chunk.first, 0), chunk.frames, rows):
             self._add_positions(chunk, slice(first, min(first + rows, chunk.frames)))

@@ -156,11 +156,11 @@ def _same_strikes(take: TakeData, policies: Sequence[Policy]) -> float | None:
         return None
     places = _strike_places(take, policies, frame, times - frame, attackers)
     order = np.argsort(times, kind="stable")
+    lows, highs = (np.searchsorted(times[order], times + apart) for apart in (-TOGETHER * rate, TOGETHER * rate))
     same = 0
     for k in order:
         if back[k]:
-            low, high = np.searchsorted(times[order], (times[k] - TOGETHER * rate, times[k] + TOGETHER * rate))
-            near = order[low:high]
+            near = order[lows[k] : highs[k]]
             theirs = near[(attackers[near] == victims[k]) & (victims[near] == attackers[k])]
             same += bool((np.abs(places[theirs] - places[k]) < SAME).any())
     return same / int(np.count_nonzero(back))

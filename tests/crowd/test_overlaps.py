@@ -22,4 +22,9 @@ def test_overlaps_are_those_of_all_pairs(count):
     scale = rng.uniform(0.9, 1.1, count)
     expected = naive(x, z, scale, 0.15)
     assert np.array_equal(overlapping(x, z, scale, 0.15), expected)
+    absent = rng.random((3, count)) < 0.3
+    rows = overlapping(np.where(absent, np.nan, x), np.where(absent, np.nan, z), scale, 0.15)
+    for here, found in zip(~absent, rows, strict=True):
+        assert np.array_equal(found[here], naive(x[here], z[here], scale[here], 0.15))
+        assert not found[~here].any()
     assert count < 40 or 0 < expected.sum() < count

@@ -32,6 +32,9 @@ _LIMBS = 1.4 * np.array([1.0, 12.0, 66.0, 220.0, 495.0, 792.0, 924.0, 792.0, 495
 _FEET = 1.4 * np.array([1.0, 8.0, 28.0, 56.0, 70.0, 56.0, 28.0, 8.0, 1.0]) / 256.0
 """Weights of what is found for arms and knees, and for feet, at times that follow one another; it is exaggerated, since
 smoothing lowers its peaks. A knee may have to go to one side of a leg at one time, to the other side at the next."""
+_SPARSE, _FAR_OFF = np.array([-4, -2, 0, 2, 4]), 1.4 * np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
+"""Times of the grid around one that is shown at which limbs are pushed out of bodies from far away, and their weights:
+nearly the others' at half as many times."""
 _PADDING = 0.02
 """How much thicker gloves are than their capsules [m]."""
 _CREEP, _WIDE = 0.06, 2
@@ -63,15 +66,15 @@ class Deflection(Reader):
 
     At each time of a grid limbs are pushed out of the bodies that are around; they follow a smooth path along these.
     What that leaves, since limbs do not follow it to the full or others do not do their part, is for another round.
-    From far away they are pushed out of bodies at the times that are shown alone, once.
+    From far away they are pushed out of bodies half as often, and only around the times that are shown.
 
     Attributes:
         planted: How readily planted feet move, of feet in the air; 0 if they do not.
     """
 
     name = "deflection"
-    size = 0.36
-    sparse = 0.13
+    size = 0.12
+    sparse = 0.04
     needs = ("fists",)
     hops = 0
     planted = 0.3
@@ -92,8 +95,10 @@ class Deflection(Reader):
         if not self._is_on:
             return avatars, times
         if self._sparse:
-            rows = np.clip(np.floor(times[[0, -1]] * self.poser.take.control_rate).astype(int), 0, None)
-            return near_avatars(self.poser.take, avatars, int(rows[0]), int(rows[1]) + 2), times
+            frames = np.unique(self._around(times))
+            rows = frames[[0, -1]] // self._fine
+            near = near_avatars(self.poser.take, avatars, int(rows[0]), int(rows[1]) + 2)
+            return near, np.union1d(times, frames / self.moves.rate)
         frames, avatars_missing = self.moves.missing(self._frames(float(times[0]), float(times[-1])), avatars)
         if not len(frames):
             return avatars, times
@@ -127,21 +132,34 @@ class Deflection(Reader):
         each(find, [some[low : low + at_once] for low in range(0, len(some), at_once)], self.poser.threads)
 
     def _note_shown(self, avatars: Array, posed: Array, times: Array, blocks: list[Block]) -> None:
-        """Note moves of avatars (n,) from poses of those around them (m,) at the times that are shown (T,)."""
-        moves = np.empty((len(times), len(avatars), LIMBS, MOVED, 3), np.float32)
+        """Note moves of avatars (n,) at times (T,) from poses of those around them (m,) at times of the grid."""
+        frames = np.rint(times * self.moves.rate).astype(np.int64)
+        some = np.flatnonzero(frames / self.moves.rate == times)
+        moves = np.empty((len(some), len(avatars), LIMBS, MOVED, 3), np.float32)
         known, at_once = self._bodies_of(posed, blocks), max(_TIMES_AT_ONCE, POSES_AT_ONCE // len(posed))
 
         def find(low: int) -> None:
-            here = np.arange(low, min(low + at_once, len(times)))
-            moves[here] = self._deflect(times[here], avatars, posed, blocks, here, known)
+            here = some[low : low + at_once]
+            moves[low : low + at_once] = self._deflect(times[here], avatars, posed, blocks, here, known)
 
-        each(find, range(0, len(times), at_once), self.poser.threads)
+        each(find, range(0, len(some), at_once), self.poser.threads)
+        # Those that are not shown may lack times around them.
+        around = self._around(times)
+        rows = np.flatnonzero(np.isin(around, frames[some]).all(axis=1))
+        smooth = np.zeros((len(times), *moves.shape[1:]), np.float32)
+        for place, weight in zip(np.searchsorted(frames[some], around[rows]).T, _FAR_OFF, strict=True):
+            smooth[rows] += np.float32(weight) * moves[place]
         for block in blocks:
             own = posed[block.which]
             asked = np.isin(own, avatars, assume_unique=True)
             noted = np.zeros((len(times), len(own), LIMBS, MOVED, 3), np.float32)
-            noted[:, asked] = moves[:, np.searchsorted(avatars, own[asked])]
+            noted[:, asked] = smooth[:, np.searchsorted(avatars, own[asked])]
             block.part.noted[self.name] = noted
+
+    def _around(self, times: Array) -> Array:
+        """Return the frames of the grid around times (T,) at which limbs are looked at from far away. Shape (T, 5)."""
+        nearest = np.rint(times * self.moves.rate).astype(np.int64)
+        return np.clip(nearest[:, None] + _SPARSE, 0, self.moves.frames - 1)
 
     def plan(self, part: Part) -> list[tuple[slice, Deflections]]:
         """Return how far limbs go in stretches of the times; nothing where none does."""
@@ -310,7 +328,7 @@ class SecondDeflection(Deflection):
     """How far limbs give way to what the first round leaves; planted feet stay."""
 
     name = "second deflection"
-    size = 0.15
+    size = 0.04
     needs = ("deflection",)
     planted = 0.0
 

@@ -94,7 +94,7 @@ class HeadTurns(Layer):
     """Turns heads towards opponents."""
 
     name = "gaze"
-    size = 0.2
+    size = 0.04
     hops = 1
 
     def __init__(self, poser: Scheduler) -> None:

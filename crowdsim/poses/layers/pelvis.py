@@ -25,7 +25,7 @@ class Lowering(Layer):
     """
 
     name = "pelvis"
-    size = 0.15
+    size = 0.04
     needs = ("separation",)
     hops = 1
 

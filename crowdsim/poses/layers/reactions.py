@@ -228,7 +228,7 @@ class Reactions(Layer):
 
     name = "reactions"
     size = 0.8
-    reading = 0.37
+    reading = 0.06
     needs = ("separation",)
     looks = (ROUNDS + 1) * LENGTH + _KICK, RISE
     planner = BlowPlanner

@@ -45,6 +45,9 @@ from crowdsim.render.kernels.tiles import (
     FRONT_T,
     FULL,
     HALF,
+    HIT_C,
+    HIT_S,
+    HIT_T,
     NEAR,
     NEXT_I,
     NEXT_S,
@@ -167,5 +170,13 @@ def meet_cone(buf, start, stop, index, cone):
         s = sc if outside else sh
         chord = rc * rc - dc if outside else chord
         t = t0 + s * hd - math.sqrt(max(chord, ZERO))
-        cover = cover if t > NEAR else ZERO
-        sort_in(buf, i, index, t, s, cover)
+        buf[U(HIT_T) + i], buf[U(HIT_S) + i], buf[U(HIT_C) + i] = t, s, cover if t > NEAR else ZERO
+    # Of small cones most rows of pixels meet nothing.
+    for row in range(start, stop, 8):
+        most = ZERO
+        for p in range(8):
+            most = max(most, buf[U(HIT_C) + U(row) + U(p)])
+        if most > FAINT:
+            for p in range(8):
+                i = U(row) + U(p)
+                sort_in(buf, i, index, buf[U(HIT_T) + i], buf[U(HIT_S) + i], buf[U(HIT_C) + i])

@@ -48,7 +48,7 @@ class Grids(NamedTuple):
 
 
 class Near(NamedTuple):
-    """Room for listing each cone once: stamps, shape (K + 1,), the last one the latest; cones found, shape (64,)."""
+    """Room for listing each cone once: stamps, shape (K + 1,), the last one the latest; cones found, shape (128,)."""
 
     stamps: Array
     cones: Array

@@ -71,6 +71,9 @@ from crowdsim.render.kernels.tiles import (
     Z,
 )
 
+_ROUNDING = F(0.002)
+"""How much further shadows may reach in single numbers [m]."""
+
 
 @kernel(fastmath=FLAGS)
 def _cell(u, v, grid):
@@ -136,8 +139,8 @@ def _collect(points, start, stop, axes, grid, lists, room, most):
 
 
 @kernel(fastmath=FLAGS)
-def _cast_shadow(points, start, stop, c, shades, sun):
-    """Take from some points the share of the sun that cone ``c`` hides from them.
+def _cast_shadow(points, start, c, shades, sun):
+    """Take from eight points the share of the sun that cone ``c`` hides from them.
 
     In light space (u, v across the rays, w towards the sun) a cone is a flat segment with a width. Its edge is soft by
     the sun's apparent size times the distance that the light travels: shadows are sharp where they meet what casts
@@ -153,7 +156,7 @@ def _cast_shadow(points, start, stop, c, shades, sun):
         shades[c, ALONG_W],
     )
     first, more, over = shades[c, SHADE_RADIUS], shades[c, SHADE_TAPER], shades[c, PER_SQUARE]
-    for q in range(stop - start):
+    for q in range(8):
         p = U(start) + U(q)
         x, y, z = points[AT_X + p], points[AT_Y + p], points[AT_Z + p]
         au, av = x * ux + y * uy + z * uz - su, x * vx + y * vy + z * vz - sv
@@ -171,13 +174,34 @@ def _cast_shadow(points, start, stop, c, shades, sun):
 
 @kernel(fastmath=FLAGS)
 def _cast_shadows(points, start, stop, listed, shades, light):
-    """Take from some points the share of the sun that each of some cones hides."""
+    """Take from some points, eight at a time, the share of the sun that each of some cones hides.
+
+    Those of the last eight beyond ``stop`` are points that nothing shows.
+    """
     lx, ly, lz = F(light[SUN_X]), F(light[SUN_Y]), F(light[SUN_Z])
     ux, uy, uz, vx, vy, vz = F(light[U_X]), F(light[U_Y]), F(light[U_Z]), F(light[V_X]), F(light[V_Y]), F(light[V_Z])
     softness, widest = F(light[SOFTNESS]), F(light[WIDEST])
     sun = lx, ly, lz, ux, uy, uz, vx, vy, vz, softness, widest
-    for index in range(listed.shape[0]):
-        _cast_shadow(points, start, stop, listed[index], shades, sun)
+    for low in range(start, stop, 8):
+        least_u, most_u, least_v, most_v, least_w = FAR, -FAR, FAR, -FAR, FAR
+        for p in range(low, min(low + 8, stop)):
+            x, y, z = points[X + p], points[Y + p], points[Z + p]
+            u, v = x * ux + y * uy + z * uz, x * vx + y * vy + z * vz
+            least_u, most_u, least_v, most_v = min(least_u, u), max(most_u, u), min(least_v, v), max(most_v, v)
+            least_w = min(least_w, x * lx + y * ly + z * lz)
+        for index in range(listed.shape[0]):
+            c = listed[index]
+            u, v, w = shades[c, SHADE_U], shades[c, SHADE_V], shades[c, SHADE_W]
+            bu, bv, bw = shades[c, ALONG_U], shades[c, ALONG_V], shades[c, ALONG_W]
+            reach = shades[c, SHADE_RADIUS] + max(shades[c, SHADE_TAPER], ZERO) + _ROUNDING
+            reach += max(softness * (w + max(bw, ZERO) - least_w), widest)
+            if (
+                (u + min(bu, ZERO) - reach < most_u)
+                & (u + max(bu, ZERO) + reach > least_u)
+                & (v + min(bv, ZERO) - reach < most_v)
+                & (v + max(bv, ZERO) + reach > least_v)
+            ):
+                _cast_shadow(points, low, c, shades, sun)
 
 
 @kernel(fastmath=FLAGS)
@@ -209,7 +233,7 @@ def find_sun(lit, count, light, shades, lists, room):
                 cell = _cell(x * ux + y * uy + z * uz, x * vx + y * vy + z * vz, grid)
                 if cell >= 0:
                     listed = lists.entries[lists.offsets[cell] : lists.offsets[cell + 1]]
-                    _cast_shadows(points, p, p + 1, listed, shades, light)
+                    _cast_shadows(points, p - p % 8, p + 1, listed, shades, light)
 
 
 @kernel(fastmath=FLAGS)

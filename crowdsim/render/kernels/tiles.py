@@ -18,7 +18,8 @@ GROUND_X, GROUND_Z, GROUND_T, WIDTH_X, WIDTH_Z = 26 * N, 27 * N, 28 * N, 29 * N,
 REST = 31 * N
 RED, GREEN, BLUE = 32 * N, 33 * N, 34 * N
 LINE, OUTSIDE = 35 * N, 36 * N
-SCRATCH = 37 * N
+HIT_T, HIT_S, HIT_C = 37 * N, 38 * N, 39 * N
+SCRATCH = 40 * N
 
 POINTS = 7 * N
 """Points to be lit in a tile: the floor in every pixel, then up to four edges and two crossing fronts a pixel."""
@@ -26,8 +27,8 @@ X, Y, Z, NX, NY, NZ = 0, POINTS, 2 * POINTS, 3 * POINTS, 4 * POINTS, 5 * POINTS
 WIDTH, SHARE, SUN, SKY, WAY = 6 * POINTS, 7 * POINTS, 8 * POINTS, 9 * POINTS, 10 * POINTS
 TINT_RED, TINT_GREEN, TINT_BLUE, TINT_GLOSS = 11 * POINTS, 12 * POINTS, 13 * POINTS, 14 * POINTS
 POINT_SCRATCH = 15 * POINTS
-TOGETHER = 48
-"""Cones up to which all points of a tile meet each of them; beyond, eight points at a time look for fewer."""
+TOGETHER = 128
+"""Cones up to which all points of a tile look for them at once; beyond, eight points at a time look for fewer."""
 FLOOR, NOTHING = -1, -2
 SAMPLES = 4
 """Samples of a pixel that skins are drawn with, so many layers at the most."""
