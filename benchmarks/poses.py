@@ -7,6 +7,8 @@ transitions per second and a landed strike of every avatar every two seconds. It
 on one, in blocks of 512 frames as for BVH export, and in single frames of many avatars as for a picture. upc-pymotion
 gets the resulting rotations and does forward kinematics of as many joints, nothing else. The best of several runs
 counts; CPU time is given beside it, since other load on the machine lengthens wall time.
+
+Reactions to hits: CPU time of posing a take of `brawl_30` on one thread with them and without, in turns.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from _quick import command_line
+from _quick import command_line, small_policies
 from pymotion.ops.skeleton_np import fk_quat
 
 from crowdsim.core.types import Array
@@ -32,7 +34,10 @@ from crowdsim.performer.session import perform
 from crowdsim.policy.alignment import align_actions
 from crowdsim.policy.rewards import target_body
 from crowdsim.poses.sampler import PoseSampler
+from crowdsim.runs.runner import run
+from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.take import Cast, Events, Take
+from crowdsim.training.train import ready_policy
 
 JOINTS = 31
 GOAL = 200_000
@@ -121,6 +126,23 @@ def best(work: Callable[[], object], repeats: int) -> tuple[float, float]:
     return min(clock[1:]), min(processor[1:])
 
 
+def measure_reactions(repeats: int, **changes: Any) -> dict[str, float]:
+    """Return what posing `brawl_30` costs with reactions to hits and without [s of CPU time], and the ratio."""
+    policy = ready_policy("boxer", None, threads=2)
+    take = run(load_scenario("brawl_30", **changes), [policy])
+
+    def pose(reactions: bool) -> float:
+        sampler, frames = PoseSampler(take, [policy], reactions=reactions), take.output_frames(60)
+        used = time.process_time()
+        for first in range(0, frames, 512):
+            sampler.sample(first, min(first + 512, frames), 60)
+        return time.process_time() - used
+
+    pairs = np.array([(pose(True), pose(False)) for _ in range(repeats + 1)])[1:]
+    spent, without = pairs.min(axis=0).tolist()
+    return {"processor_s": spent, "processor_s_without": without, "ratio": spent / without}
+
+
 def measure(
     avatars: int, seconds: float, repeats: int, crowded: int = 10_000, performed: float = 120
 ) -> dict[str, Any]:
@@ -168,18 +190,24 @@ def main() -> None:
     options = parser.parse_args()
     if options.quick:
         result = measure(min(options.avatars, 6), min(options.seconds, 3.0), 1, 60, 24)
+        with small_policies():
+            result["reactions"] = measure_reactions(1, frames=210, fraction=0.2)
     else:
         result = measure(options.avatars, options.seconds, options.repeats)
+        result["reactions"] = measure_reactions(options.repeats)
     if options.json:
         print(json.dumps(result, indent=2))
         return
     print(f"{result['joints']} joints, {result['avatars']} avatars, {result['frames']} frames")
     print(f"{'':40} {'poses/s':>12} {'per s of processor':>20}")
     for name, outcome in result.items():
-        if isinstance(outcome, dict):
+        if isinstance(outcome, dict) and "poses_per_s" in outcome:
             print(
                 f"{name.replace('_', ' '):40} {outcome['poses_per_s']:12,.0f} {outcome['poses_per_processor_s']:20,.0f}"
             )
+    reactions = result["reactions"]
+    print(f"reactions to hits in brawl_30: {reactions['processor_s']:.2f} s of processor", end=", ")
+    print(f"{reactions['processor_s_without']:.2f} s without; ratio {reactions['ratio']:.2f} (goal 1.15)")
     print(f"{result['share_of_goal']:.2f} of the goal of {GOAL:,} poses a second on two threads")
 
 

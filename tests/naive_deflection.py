@@ -5,7 +5,6 @@ from naive_separation import distance_to_point
 
 MARGIN, ROUNDS, STEP, LEAST, MOST, FIST_IN, ALLOWED = 0.05, 10, 0.8, 0.3, 0.25, 0.04, 0.01
 FOOT_IN, LEG_MARGIN, ENOUGH, AT_LAST, STANDS = 0.02, 0.015, 0.0005, 1.001, 0.5
-ON_IT = 0.005
 
 
 def nearest(p, q, own, r, s, other):
@@ -99,18 +98,6 @@ def keep_leg(upper, middle, end, moves):
     return np.stack([most * np.tanh(moves[0] @ normal / most) * normal, foot])
 
 
-def held_by(capsules, limbs, t, n, i, other, j):
-    """How far an arm stays where it is, since a fist or foot that lands is on its upper arm."""
-    striker = limbs.limbs[other, j]
-    if limbs.weights[n, i, 0].any() or striker < 0 or limbs.weights[other, j, 0, 1] < 1.0:
-        return 0.0
-    depth, _, _ = nearest(
-        capsules.starts[t, n, i], capsules.ends[t, n, i], capsules.radii[n, i],
-        capsules.starts[t, other, j], capsules.ends[t, other, j], capsules.radii[other, j],
-    )  # fmt: skip
-    return np.clip(depth / ON_IT, 0.0, 1.0) * limbs.hitting[t, other, striker]
-
-
 def moves_of(capsules, limbs, t, n, order):
     """How far the limbs of one avatar are deflected. Shape (4, 2, 3)."""
     moves, contacts = np.zeros((4, 2, 3)), [] if limbs.down[t, n] else contacts_of(capsules, limbs, t, n, order)
@@ -138,9 +125,7 @@ def moves_of(capsules, limbs, t, n, order):
         for limb in range(4):
             keep = keep_bones if limb < 2 else keep_leg
             moves[limb] = keep(*limbs.joints[t, n, limb].astype(float), moves[limb])
-    for limb in range(2):
-        held = [held_by(capsules, limbs, t, n, *one[:3]) for one in contacts if limbs.limbs[n, one[0]] == limb]
-        moves[limb] *= 1.0 - np.array([[1.0], [0.5]]) * max(held, default=0.0)
+    moves *= 1.0 - limbs.struck[t, n][:, None, None]
     moves[:, 1] *= limbs.freedom[t, n][:, None]
     size = np.maximum(np.linalg.norm(moves, axis=-1, keepdims=True), 1e-12)
     return moves * (1.0 + (size / MOST) ** 4) ** -0.25

@@ -40,5 +40,5 @@ def lean(base, levers, fist, target, goal, compliance):
             turns[k] = shortened(turns[k] + step * compliance[k] * pulls[k], MOST_TURNS[k])
         goes = goes or (done >= 4 and abs(lack) > 0.003)
         if goes:
-            move = shortened(move + step * 0.02 * way, 0.05)
+            move = shortened(move + step * 0.02 * way, 0.09)
     return turns, move

@@ -31,7 +31,7 @@ KEYS = {
         "million_frame_milliseconds", "jupedsim.ratio_100k",
         *(f"crowd_1m.{name}" for name in ("milliseconds", "ratio_to_ckdtree", "worst_frame_to_median",
                                           "bytes_per_avatar", "around_to_control")),
-        "decision.ratio_to_motion_matching",
+        "decision.ratio_to_motion_matching", "reactions.ratio",
     ],
     "batch": [
         *(f"workers_{count}.{name}" for count in (1, 2) for name in ("seconds", "overhead_milliseconds")),
@@ -99,7 +99,8 @@ KEYS = {
         "play.drag_to_picture_ms", "play.drag_to_picture_95_ms",
     ],
     "places": [f"square_{side}.{key}" for side in (12, 24) for key in ("ratio", "hidden_share", "building_seconds")],
-    "poses": [f"{name}.poses_per_s" for name in ("threads_1", "threads_2", "crowd_of_10000_by_8_frames")],
+    "poses": [f"{name}.poses_per_s" for name in ("threads_1", "threads_2", "crowd_of_10000_by_8_frames")]
+    + ["reactions.ratio"],
 }  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from crowdsim.poses.guards import guard_of, guard_points, unit
 from crowdsim.poses.hits import Landed
 from crowdsim.poses.kernels.fists import LEAN
 from crowdsim.poses.layer import Part
-from crowdsim.poses.outlines import find_outlines, touch_surface
+from crowdsim.poses.outlines import Surface, find_outlines, touch_surface, upper_arms
 
 PoseAt = Callable[[Array, Array], list[tuple[Array, Body, Array, Array, Array]]]
 """Poses avatars (E,) at times (E,): for each policy which of them, body, scales, joint positions and rotations."""
@@ -29,6 +29,8 @@ _FACING = 0.4
 """Least cosine of the angle between the outward direction of a point that is hit and the direction to the shoulder."""
 _OUT = 12
 """Times that a point goes out of head or torso."""
+_ON_ARM = 0.005
+"""How far off an upper arm the surface of a fist is at the most that lands on it [m]."""
 _SLIM = 0.77
 """Radius of a trunk's capsules as a share of that of the torso that counts as hit."""
 
@@ -128,8 +130,8 @@ def find_surfaces(
     target: TargetBody,
     shown: bool,
     wrists: Array | None = None,
-) -> Array:
-    """Return where the middles of what strikes belong: their surface touches that of what is hit. Shape (E, 3).
+) -> tuple[Array, Array]:
+    """Return where the middles of what strikes belong: their surface touches that of what is hit.
 
     Of blocked strikes it is the arm that is in the way. Scripted targets are as large as control takes them for.
 
@@ -143,8 +145,12 @@ def find_surfaces(
         target: The body of scripted targets.
         shown: Whether bodies are as their skin is; else they are simple shapes.
         wrists: Positions of the wrists behind fists, which then stay out of bodies, too [m]. Shape (E, 3).
+
+    Returns:
+        The middles (E, 3) [m], and the upper arms that are hit (E,), as of ``Landings.struck``: found where bodies are
+        ``shown``.
     """
-    points = np.full((len(near.times), 3), np.nan)
+    points, struck = np.full((len(near.times), 3), np.nan), np.full(len(near.times), -1)
     people = np.flatnonzero(near.victims >= 0)
     for which, body, scales, positions, rotations in pose_at(near.victims[people], near.times[people]):
         chosen, numbers = people[which], near.victims[people[which]]
@@ -163,6 +169,10 @@ def find_surfaces(
             # Fists that land stay out of forearms and hands: an arm that gives way would move what they hit.
             points[chosen] = touch_surface(points[chosen], behind, thick, surface, lower_arms)
             gaps = surface.gaps(fists[chosen])[0] - thick
+            for arm, columns in enumerate(upper_arms(body)):
+                far = Surface(*(values[:, columns] for values in surface)).gaps(points[chosen])[0] - thick
+                hit = (far < _ON_ARM) & ~near.missed[chosen] & ~near.blocked[chosen]
+                struck[chosen[hit]] = 2 * numbers[hit] + arm
         # A fist that misses is left alone where it is in no body.
         free = chosen[near.missed[chosen] & (gaps >= 0.0)]
         points[free] = fists[free]
@@ -192,4 +202,4 @@ def find_surfaces(
         points[scripted] = surface_point(
             fists[scripted], heads, heads, heads, around, 0.0 * around, origin=shoulders[scripted]
         )
-    return points
+    return points, struck

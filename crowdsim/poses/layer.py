@@ -75,6 +75,7 @@ class Part:
         part = Part(self.policy, self.window, self.moments, self.layers, self.hops, self.without)
         part.moments = Moments(self.moments.columns[columns], self.moments.times[times])
         part.playback = Playback(*(narrowed(values, times, columns) for values in self.playback))
+        part.plans = self.plans.copy()
         part.noted = {name: narrowed(values, times, columns) for name, values in self.noted.items()}
         return part
 

@@ -117,6 +117,15 @@ def _surface_kinds(body: Body) -> Array:
     return kinds
 
 
+def upper_arms(body: Body) -> list[Array]:
+    """Return which capsules of a body's surface are its left, and its right, upper arm."""
+    order = capsule_order(body)
+    kinds, joints = _surface_kinds(body)[order], body.capsule_joints[order]
+    shown = kinds != ""
+    sides = [joints == body.roles[f"{side}_shoulder"] for side in ("left", "right")]
+    return [np.flatnonzero(((kinds == "upper arm") & side)[shown]) for side in sides]
+
+
 def _upper_trunk(body: Body) -> tuple[int, int]:
     """Return the capsules of the chest and across the shoulders, which are one where a trunk has no other."""
     trunk = trunk_capsules(body)

@@ -54,7 +54,7 @@ WITHOUT = frozenset({"separation", "deflection", "second deflection"})
 """Layers that live poses do without."""
 _STIFFNESS, _FURTHEST = 20.0, 0.6
 """How fast offsets of poses die away [1/s], and the greatest that is no jump to another place [m]."""
-_PLANNED = ("shifts", "goals", "stops", "rotations", "moves")
+_PLANNED = ("shifts", "goals", "stops", "rotations", "moves", "struck")
 """What is kept of the plan of a strike that lands, see ``Landings``."""
 _WINDOW = 45
 """Control frames that live poses look back on; reactions to hits last no longer than that."""
@@ -280,22 +280,23 @@ class NearFists(Fists):
             for place, row in enumerate(rows[order].tolist()):
                 planned[keys[row]] = tuple(getattr(landings, name)[place] for name in _PLANNED)
         order, starts = by_column(columns[near.attackers], count, near.times)
-        shifts, goals, stops, rotations, moves = self._joined([planned[keys[row]] for row in order])
+        shifts, goals, stops, rotations, moves, struck = self._joined([planned[keys[row]] for row in order])
         return Landings(
             starts, near.times[order], near.hands[order], shifts, near.spans[order], goals, near.blocked[order], stops,
-            rotations, moves,
+            rotations, moves, struck,
         )  # fmt: skip
 
     def _joined(self, rows: Sequence[tuple[Array, ...]]) -> list[Array]:
         """Return plans of strikes as arrays; where some are stopped by fewer capsules, NaN fills up."""
         if not rows:
-            return [np.zeros(shape) for shape in ((0, 3), (0, 3), (0, 3, 0, 9), (0, JOINTS, 3), (0, 3))]
+            shapes = (0, 3), (0, 3), (0, 3, 0, 9), (0, JOINTS, 3), (0, 3)
+            return [*map(np.zeros, shapes), np.zeros(0, np.int64)]
         most = max(row[2].shape[1] for row in rows)
         stops = np.full((len(rows), 3, most, 9), np.nan)
         for own, row in zip(stops, rows, strict=True):
             own[:, : row[2].shape[1]] = row[2]
-        shifts, goals, rotations, moves = (np.array([row[k] for row in rows]) for k in (0, 1, 3, 4))
-        return [shifts, goals, stops, rotations, moves]
+        shifts, goals, rotations, moves, struck = (np.array([row[k] for row in rows]) for k in (0, 1, 3, 4, 5))
+        return [shifts, goals, stops, rotations, moves, struck]
 
 
 class LivePoses:

@@ -14,7 +14,7 @@ from crowdsim.motion.body import HEIGHT, PARTS
 from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules
 from crowdsim.poses.contacts import body_points, surface_point
-from crowdsim.poses.outlines import WRIST_IN, find_outlines, find_surface, striker_radii, touch_surface
+from crowdsim.poses.outlines import WRIST_IN, find_outlines, find_surface, striker_radii, touch_surface, upper_arms
 
 COUNT = 40
 FITS = {
@@ -68,6 +68,16 @@ def some_bodies(seed):
     outline = head, neck, pelvis, (body.head_radius + 0.06) * ones, (body.torso_radius + 0.03) * ones
     bodies = PosedBodies(body, np.arange(COUNT), ones, ones, np.ones((COUNT, 3)), positions[None], turns[None])
     return surface_point(neck + rng.normal(size=(COUNT, 3)) * 0.3, *outline), bodies
+
+
+def test_upper_arms_go_from_the_shoulder_of_their_side_to_its_elbow() -> None:
+    _, bodies = some_bodies(1)
+    surface, roles = find_surface(bodies), bodies.body.roles
+    for side, columns in zip(("left", "right"), upper_arms(bodies.body), strict=True):
+        (column,) = columns
+        for role, points in (("shoulder", surface.starts), ("elbow", surface.starts + surface.axes)):
+            joint = bodies.positions[0, :, roles[f"{side}_{role}"]]
+            np.testing.assert_allclose(points[:, column], joint, atol=0.005)
 
 
 @settings(deadline=None)

@@ -66,7 +66,7 @@ def shown(limb: int, shift: np.ndarray, time: float, monkeypatch) -> tuple[np.nd
 
     def surfaces(take, near, points, origins, radii, *_, **__):
         np.testing.assert_allclose(radii, BODY.strikers[limb]["radius"])
-        return points + shift
+        return points + shift, None
 
     monkeypatch.setattr(reaches, "find_surfaces", surfaces)
     turns = plan_reaches(None, landed(limb), np.zeros(1, int), 1, pose_at, pose_at, Motion)

@@ -27,8 +27,6 @@ _STANDS = 0.5
 """How free a foot is at the most that stands."""
 _FIST_IN = 0.04
 """How much deeper the capsule of a fist may be in what it hits [m]: the skin of that is slimmer than capsules."""
-_ON_IT = 0.005
-"""Depth of a fist in an upper arm from which on the arm is held wholly [m]."""
 _AT_LAST = 1.001
 """One, and how readily a limb gives way to another one while it lands a strike: that one goes, if it can."""
 _MARGIN, _LEG_MARGIN = 0.05, 0.015
@@ -53,7 +51,7 @@ class MovingLimbs(NamedTuple):
         limbs: Limb of each capsule, -1 for those of the trunk. Shape (N, K).
         weights: How far each of its ends goes along with the middle and the end of the limb. Shape (N, K, 2, 2).
         landing: How close to a strike that lands each limb is, from 0 to 1. Shape (T, N, 4).
-        hitting: The same for strikes that no arm blocks, whoever is hit. Shape (T, N, 4).
+        struck: How close each arm is to a strike that lands on its upper arm, likewise. Shape (T, N, 4).
         freedom: How readily the end of each limb moves, 1 unless it is a planted foot. Shape (T, N, 4).
         down: Bodies that are down: their limbs do not give way, those of others do the whole. Shape (T, N), bool.
     """
@@ -62,7 +60,7 @@ class MovingLimbs(NamedTuple):
     limbs: Array
     weights: Array
     landing: Array
-    hitting: Array
+    struck: Array
     freedom: Array
     down: Array
 
@@ -263,26 +261,6 @@ def _find_contacts(capsules, limbs, t, n, order, rank, contacts):
 
 
 @kernel(allocates=False)
-def _hold_arms(limbs, t, n, contacts, count, moves):
-    """Hold arms in place while a strike lands on their upper arms: elbows wholly, hands by half.
-
-    Otherwise these would leave the fist.
-    """
-    for limb in range(2):
-        held = 0.0
-        for contact in range(count):
-            i, other, j = contacts.own[contact], contacts.others[contact, 0], contacts.others[contact, 1]
-            striker, own, theirs = limbs.limbs[other, j], limbs.weights[n, i, 0], limbs.weights[other, j, 0]
-            # Upper arms begin where nothing moves, hands with the end of their arm.
-            if limbs.limbs[n, i] == limb and own[JOINT] + own[END] == 0.0 and striker >= 0 and theirs[END] == 1.0:
-                on_it = min(max(contacts.depths[contact] / _ON_IT, 0.0), 1.0)
-                held = max(held, on_it * limbs.hitting[t, other, striker])
-        for k in range(3):
-            moves[limb, JOINT, k] *= 1.0 - held
-            moves[limb, END, k] *= 1.0 - 0.5 * held
-
-
-@kernel(allocates=False)
 def _are_in(contacts, count):
     """Return whether any limb is where it should not be."""
     for contact in range(count):
@@ -347,11 +325,12 @@ def deflect_limbs(first, stop, capsules, limbs, order, ranks, asked, moves):
                         keep_bones(limbs.joints[t, n, limb], own[limb])
                     else:
                         keep_leg(limbs.joints[t, n, limb], own[limb])
-            if rounds:
-                _hold_arms(limbs, t, n, contacts, count, own)
             for limb in range(LIMBS):
+                # Where a strike lands on an upper arm, the arm stays, or it would leave the fist.
+                stays = 1.0 - limbs.struck[t, n, limb]
                 for k in range(3):
-                    own[limb, END, k] *= limbs.freedom[t, n, limb]
+                    own[limb, JOINT, k] *= stays
+                    own[limb, END, k] *= stays * limbs.freedom[t, n, limb]
                 limit(own[limb, JOINT])
                 limit(own[limb, END])
         moves[t, m] = own

@@ -57,6 +57,8 @@ class Landings(NamedTuple):
         stops: What they do not go into, see ``stops.find_stops``. Shape (E, 3, K, 9) [m].
         rotations: Rotation vectors of the joints that lean then, see ``trunk_assist.Leans``. Shape (E, 4, 3).
         moves: How far the pelvis goes then [m]. Shape (E, 3).
+        struck: Upper arms that fists land on: twice the avatar's number, and 1 more for the right one; -1 for other
+            parts. Shape (E,).
     """
 
     starts: NDArray[Any]
@@ -69,6 +71,7 @@ class Landings(NamedTuple):
     stops: NDArray[Any]
     rotations: NDArray[Any]
     moves: NDArray[Any]
+    struck: NDArray[Any]
 
 
 class Arms(NamedTuple):

@@ -24,6 +24,7 @@ class CarriedFeet(NamedTuple):
         shifts: How far the foot has to be carried then [m]. Shape (E, 3).
         spans: How long before and after it [s]. Shape (E, 2).
         moves: How far the pelvis goes then [m]. Shape (E, 3).
+        struck: Upper arms that feet land on, as of ``Landings``. Shape (E,).
     """
 
     starts: NDArray[Any]
@@ -32,6 +33,7 @@ class CarriedFeet(NamedTuple):
     shifts: NDArray[Any]
     spans: NDArray[Any]
     moves: NDArray[Any]
+    struck: NDArray[Any]
 
 
 class Asked(NamedTuple):

@@ -12,7 +12,7 @@ from crowdsim.jit import kernel
 PELVIS = 0.02
 """How readily the pelvis goes [m2], where turns do not do."""
 MOST_TURNS = (math.radians(14.0), math.radians(14.0), math.radians(16.0))
-MOST_SHIFT = 0.05
+MOST_SHIFT = 0.09
 ROUNDS, ENOUGH = (4, 10), 0.003
 """Rounds after which the pelvis goes too where as much is lacking [m], and all of them."""
 

@@ -13,7 +13,7 @@ from crowdsim.motion.strikers import CARRIERS
 from crowdsim.poses.capsule_weights import ride_along
 from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules, size_capsules
 from crowdsim.poses.down_state import fallen_rows, near_fallen
-from crowdsim.poses.hits import Landed, by_column
+from crowdsim.poses.hits import by_column
 from crowdsim.poses.kept import Kept
 from crowdsim.poses.kernels.bending import Deflections, bend_limbs, smooth_moves
 from crowdsim.poses.kernels.deflection import MovingLimbs, deflect_limbs
@@ -21,6 +21,8 @@ from crowdsim.poses.kernels.limb_bounds import LIMBS
 from crowdsim.poses.kernels.limb_moves import END, MOVED
 from crowdsim.poses.kernels.records import Offsets, Posed
 from crowdsim.poses.layer import Block, Part, Reader, Scheduler
+from crowdsim.poses.layers.fists import Fists
+from crowdsim.poses.layers.kicks import Kicks
 from crowdsim.poses.neighbours import near_avatars
 from crowdsim.poses.together import each
 
@@ -303,8 +305,8 @@ class Deflection(Reader):
             np.empty((len(times), len(near), LIMBS, 3, 3), np.float32),
             known.limbs,
             known.weights,
-            _landing(landed, near, times),
-            _landing(landed.of(~landed.blocked), near, times),
+            _closeness(landed.attackers, CARRIERS[landed.limbs], landed.times, near, times),
+            _closeness(*_struck_arms(blocks), near, times),
             np.ones((len(times), len(near), LIMBS)),
             np.ascontiguousarray(down[frames - frames.min()]),
         )
@@ -356,16 +358,32 @@ def _creep(moves: Array, furthest: Array) -> Array:
     return np.asarray(longest * (1.0 + far**4) ** -0.25)
 
 
-def _landing(some: Landed, avatars: Array, times: Array) -> Array:
-    """How close to some strikes limbs of avatars (n,) are at times (T,), from 0 to 1. Shape (T, n, 4)."""
+def _struck_arms(blocks: list[Block]) -> tuple[Array, Array, Array]:
+    """Return avatars on whose upper arms strikes land, which of their arms that are, and when [s]. Shapes (E,)."""
+    planned = [block.part.plans.get(name) for block in blocks for name in (Kicks.name, Fists.name)]
+    found = [(one.struck, one.times) for one in planned if one is not None]
+    struck, times = (np.concatenate(values) for values in zip(*found, strict=True))
+    return struck[struck >= 0] // 2, struck[struck >= 0] % 2, times[struck >= 0]
+
+
+def _closeness(struck: Array, limbs: Array, when: Array, avatars: Array, times: Array) -> Array:
+    """Return how close limbs of avatars (n,) are at times (T,) to what happens to them, from 0 to 1. Shape (T, n, 4).
+
+    Args:
+        struck: Avatars to which something happens. Shape (E,).
+        limbs: To which of their limbs. Shape (E,).
+        when: When [s]. Shape (E,).
+        avatars: Those that are asked for, ascending.
+        times: Likewise [s].
+    """
     near = np.zeros((len(times), len(avatars), LIMBS))
-    column = np.minimum(np.searchsorted(avatars, some.attackers), len(avatars) - 1)
-    known = np.flatnonzero(avatars[column] == some.attackers)
+    column = np.minimum(np.searchsorted(avatars, struck), len(avatars) - 1)
+    known = np.flatnonzero(avatars[column] == struck)
     if not len(known):
         return near
-    limbs, which = np.unique(LIMBS * column[known] + CARRIERS[some.limbs[known]], return_inverse=True)
+    limbs, which = np.unique(LIMBS * column[known] + limbs[known], return_inverse=True)
     known = known[np.argsort(which, kind="stable")]
-    close = np.clip(2.0 - 2.0 * np.abs(times[:, None] - some.times[known]) / _LANDS, 0.0, 1.0)
+    close = np.clip(2.0 - 2.0 * np.abs(times[:, None] - when[known]) / _LANDS, 0.0, 1.0)
     firsts = np.searchsorted(np.sort(which), np.arange(len(limbs)))
     near[:, limbs // LIMBS, limbs % LIMBS] = np.maximum.reduceat(close, firsts, axis=1)
     return near

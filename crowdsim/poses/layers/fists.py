@@ -84,7 +84,7 @@ def plan_landings(
         fists[which] = body_points(body, positions, rotations, scales)[3][rows, hands]
         radii[which] = striker_radii(body, hands, scales, bare[which])
         shoulders[which], wrists[which] = (positions[rows, arms.joints[hands, k]] for k in (UPPER, LOWER))
-    touched = find_surfaces(take, near, fists, shoulders, radii, struck_at, motion.target, hops < 2, wrists)
+    touched, struck = find_surfaces(take, near, fists, shoulders, radii, struck_at, motion.target, hops < 2, wrists)
     shifts = touched - fists
     length = np.linalg.norm(shifts, axis=-1, keepdims=True)
     shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))
@@ -117,6 +117,7 @@ def plan_landings(
         stops,
         leans,
         moves,
+        struck,
     )
     return Landings(starts, *(values[order] for values in result))
 

@@ -89,7 +89,8 @@ def plan_kicks(
         feet[which] = body_points(body, positions, rotations, scales)[3][rows, near.limbs[which]]
         radii[which] = striker_radii(body, near.limbs[which], scales, bare[which])
         limbs[which] = positions[rows[:, None], joints[sides[which]]]
-    shifts = find_surfaces(take, near, feet, limbs[:, 0], radii, struck_at, window.motion.target, shown=True) - feet
+    touched, struck = find_surfaces(take, near, feet, limbs[:, 0], radii, struck_at, window.motion.target, shown=True)
+    shifts = touched - feet
     length = np.linalg.norm(shifts, axis=-1, keepdims=True)
     shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))
     # Absent avatars have no positions.
@@ -98,7 +99,7 @@ def plan_kicks(
     spans = np.minimum(near.spans, SPANS)
     spans = np.minimum(spans, _in_the_air(near.times, columns[near.attackers], sides, window.foot_plants))
     order, starts = by_column(columns[near.attackers], len(window.avatars), near.times)
-    values = (near.times, sides, shifts, np.maximum(spans, _LEAST), moves)
+    values = (near.times, sides, shifts, np.maximum(spans, _LEAST), moves, struck)
     return CarriedFeet(starts, *(value[order] for value in values))
 
 
