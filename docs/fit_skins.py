@@ -92,7 +92,10 @@ def perform_boxer() -> Boxer:
     body = build_body(clip.skeleton)
     positions, rotations = (np.asarray(values, float) for values in clip_kinematics(clip))
     chains = [[body.roles[f"{side}_{role}"] for role in ("shoulder", "elbow", "hand")] for side in ("left", "right")]
-    hinges = [hinge_axis(*positions[:, chain].swapaxes(0, 1)[:3], rotations[:, chain[0]]) for chain in chains]
+    hinges = [
+        hinge_axis(positions[:, upper], positions[:, middle], positions[:, end], rotations[:, upper])
+        for upper, middle, end in chains
+    ]
     some = np.linspace(0, len(positions) - 1, POSES).astype(int)
     return Boxer(clip, body, positions[some], rotations[some], np.array(hinges))
 

@@ -177,7 +177,7 @@ def test_thumbs_and_wrists_stay_out_and_fists_still_touch() -> None:
             others = [gaps_to(found + hands.offsets[:, ball], bodies) - hands.radii[:, ball] for ball in range(1, 6)]
             depths[whole].append(-np.min(others, axis=0))
     whole, lone = (np.concatenate(depths[kind]) for kind in (True, False))
-    assert np.mean(lone > 0.02) > 0.3
+    assert (lone > 0.02).sum() > 10
     assert np.mean(whole > 0.02) < 0.25 * np.mean(lone > 0.02)
     assert np.median(whole[lone > 0.02]) < GIVES_WAY + 0.001
 
