@@ -80,7 +80,8 @@ def make_run(modules: SimpleNamespace, figures: list[Any], strikes: list[tuple[A
     )
     run = modules.run.ExportedRun(
         sizes=sizes(modules), source=source, names=[str(k) for k in range(count)], figures=figures, capsules=capsules,
-        scales=np.ones(count), speeds=np.ones(count), fps=FPS, frames=np.tile(np.arange(float(frames)), (count, 1)),
+        scales=np.ones(count), speeds=np.ones(count),
+        girths=np.ones(count), sexes=["male"] * count, fps=FPS, frames=np.tile(np.arange(float(frames)), (count, 1)),
         decisions=[np.zeros((0, 3))] * count,
         opponents=np.tile(np.array([[1], [0]] + [[0]] * (count - 2))[:count], (1, frames)),
         events={

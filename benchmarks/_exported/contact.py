@@ -10,6 +10,7 @@ from _exported.capsules import capsule_depths
 from _exported.plain_bvh import Array
 from _exported.run import ExportedRun, between_frames
 from _exported.witness import JOINTS, PARTS, unit
+from crowdsim.poses.skins import ACROSS, BODIES, PIECES
 
 TOUCH = 0.02
 """How far from the surface that it hits a fist may be [m]."""
@@ -17,17 +18,16 @@ HEIGHT = 1.75
 """Height of a body for which lengths below are given [m]."""
 GLOVE = 0.0684
 """Radius of a glove [m]."""
-SKINS = {
-    (0.1, 0.1): (0.0, 0.0, 0.0, 0.0),
-    (0.115, 0.115): (0.036, -0.006, -0.01, -0.01),
-    (0.12, 0.075): (0.049, -0.014, 0.002, -0.008),
-    (0.07, 0.07): (0.0, -0.007, -0.002, -0.002),
-    (0.052, 0.052): (0.0, 0.0, 0.015, 0.015),
-    (0.105, 0.105): (0.0, 0.003, -0.014, -0.014),
-    (0.056, 0.043): (0.0, 0.0, 0.005, -0.003),
+KINDS = {
+    (0.1, 0.1): "pelvis",
+    (0.115, 0.115): "trunk",
+    (0.12, 0.075): "chest",
+    (0.07, 0.07): "shoulders",
+    (0.052, 0.052): "neck",
+    (0.105, 0.105): "head",
+    (0.056, 0.043): "upper arm",
 }
-"""Capsules of trunk, head and upper arms by their radii: how far their skin is to both sides and ahead, and how much
-thicker it is at both ends [m]."""
+"""Capsules of trunk, head and upper arms by their radii [m], as the table of skins names them."""
 DISC = 0.2
 """Radius of the disc on the floor around a pelvis whose overlap is measured [m]."""
 
@@ -35,9 +35,9 @@ DISC = 0.2
 def fists(run: ExportedRun) -> dict[str, Any]:
     """Distance of the surface of striking fists from the skin of head, trunk and upper arms [m], outside or inside.
 
-    A fist is a ball as large as gloves of skins are. Skins are capsules of the bundle, but those that go up the trunk
-    lie in pairs, side by side: see ``SKINS``. ``buried`` are strikes that are reported as missed although their
-    fist is in the body by more than ``TOUCH``.
+    A fist is a ball as large as gloves of skins are. Skins are the pieces of ``crowdsim.poses.skins``, a table that
+    tests compare with the meshes; ``delivery.py`` measures fists on the meshes themselves. ``buried`` are strikes that
+    are reported as missed although their fist is in the body by more than ``TOUCH``.
     """
     gaps, strikes = [], [strike for strike in run.strikes() if strike.limb < 2]
     for strike in strikes:
@@ -67,31 +67,40 @@ def fists(run: ExportedRun) -> dict[str, Any]:
 
 def above_skin(run: ExportedRun, avatar: int, frame: float, point: Array) -> float:
     """Return how far a point (3,) is outside the skin of trunk, head and upper arms, negative inside [m]."""
-    sizes, parts = run.sizes, run.sizes.capsule_parts()
-    size, scale = sizes.height / HEIGHT * float(run.scales[avatar]), float(run.scales[avatar])
+    sizes, parts, figure = run.sizes, run.sizes.capsule_parts(), run.figures[avatar]
+    scale, girth = float(run.scales[avatar]), float(run.girths[avatar])
+    size, known = sizes.height / HEIGHT * scale, BODIES[run.sexes[avatar]]
+    nearest = min(known, key=lambda one: abs(one - girth))
     shown = [PARTS.index(part) for part in ("torso", "head", "left_upper_arm", "right_upper_arm")]
-    skins = [
-        (
-            *between_frames(run.capsules[avatar][:, capsule].astype(float), frame),
-            sizes.capsule_radii[capsule] * scale,
-            fit,
-        )
-        for capsule in np.flatnonzero(np.isin(parts, shown))
-        for radii, fit in SKINS.items()
-        if np.allclose(sizes.capsule_radii[capsule], np.array(radii) * sizes.height / HEIGHT)
-    ]
-    if len(skins) < np.isin(parts, shown).sum():
-        raise ValueError(f"capsules of avatar {avatar} have radii that no skin is known for, expected those of `SKINS`")
-    joints = between_frames(run.figures[avatar].joints, frame)
-    across = unit(joints[JOINTS.index("left_shoulder")] - joints[JOINTS.index("right_shoulder")])
-    ahead = unit(np.cross(across, joints[JOINTS.index("neck")] - joints[JOINTS.index("chest")]))
-    found = np.inf
-    for start, end, radii, (wider, further, *thicker) in skins:
-        for aside in (wider, -wider):
-            axis, way = end - start, point - start - size * (aside * across + further * ahead)
-            share = np.clip(np.dot(way, axis) / max(np.dot(axis, axis), 1e-12), 0.0, 1.0)
-            radius = radii + np.array(thicker) * size
-            found = min(found, float(np.linalg.norm(way - share * axis) - radius[0] - share * (radius[1] - radius[0])))
+    joints, face = between_frames(figure.joints, frame), unit(between_frames(figure.faces, frame))
+    right = unit(joints[JOINTS.index("right_shoulder")] - joints[JOINTS.index("left_shoulder")])
+    up = unit(joints[JOINTS.index("neck")] - joints[JOINTS.index("chest")])
+    crown = unit(between_frames(figure.head, frame) - joints[JOINTS.index("head")])
+    face = unit(face - crown * np.dot(face, crown))
+    lines, found = list[tuple[str, Array, float]](), np.inf
+    for capsule in np.flatnonzero(np.isin(parts, shown)):
+        radii = tuple(np.round(sizes.capsule_radii[capsule] * HEIGHT / sizes.height, 4).tolist())
+        if radii not in KINDS:
+            raise ValueError(f"a capsule of avatar {avatar} has radii {radii}, expected those of `KINDS`")
+        lines.append((KINDS[radii], between_frames(run.capsules[avatar][:, capsule].astype(float), frame), 1.0))
+    for _, ends, _ in [line for line in lines if line[0] == "shoulders"]:
+        for end, sign, role in ((0, -1.0, "left_shoulder"), (1, 1.0, "right_shoulder")):
+            lines.append(("collar", np.stack([ends[end], joints[JOINTS.index(role)]]), sign))
+    for kind, ends, side in lines:
+        axes, width = np.stack([right, np.cross(up, right), up]), size * girth / nearest
+        if kind == "head":
+            axes, width = np.stack([np.cross(crown, face), face, crown]), size
+        elif kind == "upper arm":
+            axes = np.stack([0.0 * face, 0.0 * face, unit(ends[1] - ends[0])])
+        for (own, twice), piece in zip(PIECES, known[nearest], strict=True):
+            for sign in ((1.0, -1.0) if twice else (1.0,)) if own == kind else ():
+                # Of a pair that lies across a body the ends of one are those of the other on the other side.
+                rows = piece[::-1] if sign < 0.0 and kind in ACROSS else piece
+                start, end = ends + width * (rows[:, :3] * [sign * side, 1.0, 1.0]) @ axes
+                axis, way = end - start, point - start
+                share = np.clip(np.dot(way, axis) / max(np.dot(axis, axis), 1e-12), 0.0, 1.0)
+                thick = width * (rows[0, 3] + share * (rows[1, 3] - rows[0, 3]))
+                found = min(found, float(np.linalg.norm(way - share * axis) - thick))
     return found
 
 

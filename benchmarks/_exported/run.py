@@ -33,6 +33,8 @@ class ExportedRun:
         capsules: Ends of the capsules of each in the world [m]. Length N, each (F, K, 2, 3), float32.
         scales: Size of each, from its bones. Shape (N,).
         speeds: Pace of each, from the take. Shape (N,).
+        girths: Girth of each, from the take. Shape (N,).
+        sexes: Sex of each, from the take. Length N.
         fps: Frames a second.
         frames: Playback frame of the source at each output frame. Shape (N, F).
         decisions: Of each avatar the times at which it chose [s], the playback frame that it left, and the one that it
@@ -49,6 +51,8 @@ class ExportedRun:
     capsules: list[Array]
     scales: Array
     speeds: Array
+    girths: Array
+    sexes: list[str]
     fps: int
     frames: Array
     decisions: list[Array]
@@ -210,6 +214,8 @@ def read_run(run: Path, bundle: Path, clips: list[Path]) -> ExportedRun:
     strikes = group["events"]
     events = {name: np.asarray(strikes[name][:]) for name in ("attacker", "victim", "landed")}
     rows = np.minimum((seconds * control + 1e-6).astype(int), len(action) - 1)
+    # A take names bodies of types where some are not the usual one.
+    bodies = [one["sex"] for one in group.attrs.get("type_bodies", [])] or ["male"] * len(group.attrs["type_names"])
     return ExportedRun(
         sizes=sizes,
         source=read_source(clips, sizes),
@@ -218,6 +224,8 @@ def read_run(run: Path, bundle: Path, clips: list[Path]) -> ExportedRun:
         capsules=[one.capsules for one in posed],
         scales=np.array([one.scale for one in posed]),
         speeds=speeds,
+        girths=np.asarray(group["girth"][:]).astype(float),
+        sexes=[bodies[kind] for kind in np.asarray(group["type"][:]).tolist()],
         fps=fps,
         frames=np.stack([frames for frames, _ in played]),
         decisions=[decisions for _, decisions in played],

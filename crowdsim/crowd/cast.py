@@ -167,6 +167,11 @@ class Cast:
         return replace(self, **{name: getattr(self, name)[:count] for name in each})
 
     @property
+    def sexes(self) -> Array:
+        """Sex of each avatar. Shape (N,), str."""
+        return np.array([sex for sex, _ in self.bodies])[self.types]
+
+    @property
     def bare(self) -> Array:
         """Which avatars have bare hands. Shape (N,), bool."""
         return np.asarray(np.array([hands == "bare" for _, hands in self.bodies], bool)[self.types])

@@ -18,11 +18,15 @@ from crowdsim.poses.guards import guard_of, guard_points, unit
 from crowdsim.poses.hits import Landed
 from crowdsim.poses.kernels.fists import LEAN
 from crowdsim.poses.layer import Part
-from crowdsim.poses.outlines import Surface, find_outlines, touch_surface, upper_arms
+from crowdsim.poses.outlines import Balls, Surface, find_outlines, touch_surface, upper_arms
 
 PoseAt = Callable[[Array, Array], list[tuple[Array, Body, Array, Array, Array]]]
 """Poses avatars (E,) at times (E,): for each policy which of them, body, scales, joint positions and rotations."""
 
+BallsAt = Callable[[Array, Array], Balls]
+"""Returns strikers (n,) as balls, as they are turned where their middles are at points (n, 3) [m]."""
+_SWINGS = 3
+"""Times that what strikes goes onto a surface: how it is turned depends on where it is."""
 _CLOSE_BY = 0.12
 """How near in time strikes of those whom they hit in turn are to count for the fists of those who are hit [s]."""
 _FACING = 0.4
@@ -129,7 +133,7 @@ def find_surfaces(
     pose_at: PoseAt,
     target: TargetBody,
     shown: bool,
-    wrists: Array | None = None,
+    balls_at: BallsAt | None = None,
 ) -> tuple[Array, Array]:
     """Return where the middles of what strikes belong: their surface touches that of what is hit.
 
@@ -144,7 +148,7 @@ def find_surfaces(
         pose_at: Poses those who are hit.
         target: The body of scripted targets.
         shown: Whether bodies are as their skin is; else they are simple shapes.
-        wrists: Positions of the wrists behind fists, which then stay out of bodies, too [m]. Shape (E, 3).
+        balls_at: Says what strikes, as balls; a single one when None.
 
     Returns:
         The middles (E, 3) [m], and the upper arms that are hit (E,), as of ``Landings.struck``: found where bodies are
@@ -164,10 +168,14 @@ def find_surfaces(
             build = scales, take.cast.girths[numbers], take.cast.stretches[numbers]
             bodies = PosedBodies(body, np.arange(len(which)), *build, positions[None], rotations[None])
             # Fists that miss leave arms to these, which give way.
-            surface, lower_arms = find_outlines(bodies, ~near.missed[chosen])
-            behind = None if wrists is None else (wrists - fists)[chosen]
-            # Fists that land stay out of forearms and hands: an arm that gives way would move what they hit.
-            points[chosen] = touch_surface(points[chosen], behind, thick, surface, lower_arms)
+            surface, lower_arms = find_outlines(bodies, take.cast.sexes[numbers], ~near.missed[chosen])
+            goals = points[chosen]
+            for _ in range(1 if balls_at is None else _SWINGS):
+                alone = Balls(np.zeros((len(chosen), 1, 3)), thick[:, None])
+                balls = alone if balls_at is None else balls_at(chosen, goals)
+                # Fists that land stay out of forearms and hands: an arm that gives way would move what they hit.
+                goals = touch_surface(points[chosen], balls, surface, lower_arms)
+            points[chosen] = goals
             gaps = surface.gaps(fists[chosen])[0] - thick
             for arm, columns in enumerate(upper_arms(body)):
                 far = Surface(*(values[:, columns] for values in surface)).gaps(points[chosen])[0] - thick

@@ -38,7 +38,7 @@ def find_stops(take: TakeData, near: Landed, goals: Array, wrists: Array, stoppe
         numbers = victims[which]
         build = scales, take.cast.girths[numbers], take.cast.stretches[numbers]
         bodies = PosedBodies(body, np.arange(len(which)), *build, positions[None], rotations[None])
-        starts, axes, radii = find_surface(bodies)
+        starts, axes, radii = find_surface(bodies, take.cast.sexes[numbers])
         more = max(starts.shape[1] - found.shape[1], 0)
         found = np.pad(found, ((0, 0), (0, more), (0, 0)), constant_values=np.nan)
         own = np.arange(starts.shape[1])

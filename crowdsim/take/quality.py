@@ -223,7 +223,7 @@ def _gaps(sampler: PoseSampler, some: Array) -> Array:
     for which, body, scales, positions, rotations in sampler.moments(victims, times):
         build = scales, cast.girths[victims[which]], cast.stretches[victims[which]]
         bodies = PosedBodies(body, np.arange(len(which)), *build, positions[None], rotations[None])
-        gaps[which] = find_surface(bodies).gaps(fists[which])[0] - radii[which]
+        gaps[which] = find_surface(bodies, cast.sexes[victims[which]]).gaps(fists[which])[0] - radii[which]
     return np.abs(gaps)
 
 

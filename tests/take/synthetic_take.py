@@ -119,4 +119,4 @@ def touch_gap(body: Body, poses: Any, limb: int) -> float:
     victim = PosedBodies(body, np.arange(1), *build, positions[None, 1:], turns[None, 1:])
     strikers = body_points(body, positions, turns, poses.scales)[3]
     radius = striker_radii(body, np.array([limb]), poses.scales[:1], np.zeros(1, bool))
-    return float((find_surface(victim).gaps(strikers[:1, limb])[0] - radius)[0])
+    return float((find_surface(victim, np.array(["male"])).gaps(strikers[:1, limb])[0] - radius)[0])

@@ -11,11 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.core.easing import minimum_jerk
-from crowdsim.core.quaternions import rotate, rotate_by_vector
+from crowdsim.core.quaternions import multiply, rotate, rotate_by_vector
 from crowdsim.jit import kernel
 from crowdsim.poses.kernels.columns import AFTER, BEFORE, LOWER, MIDDLE, TRUNK, UPPER
 from crowdsim.poses.kernels.feet import KNEE_LEAST
-from crowdsim.poses.kernels.limbs import World, bend_limb, distance_between, excess, pose_chain, reach_of
+from crowdsim.poses.kernels.limbs import (
+    World,
+    bend_axis,
+    bend_limb,
+    distance_between,
+    excess,
+    flexion_at,
+    pose_chain,
+    reach_of,
+    shortest_rotation,
+    solve_bend,
+)
 
 ELBOW_LEAST = math.radians(4.0)
 """Flexion that an elbow keeps at the least when it is stretched to reach something [rad]."""
@@ -315,6 +326,41 @@ def _carry_fist(arms, hand, scale, weight, pose, world, asked):
         turned = rotate(point_arm(arms, hand, pose, world, target), x, y, z)
     for k in range(4):
         wrist[k] = kept[k]
+
+
+@kernel(allocates=False)
+def swing_forearms(low, high, shoulders, elbows, wrists, hinges, behind, goals, out):
+    """Write how forearms of arms ``low`` to ``high`` turn, and hands with them, where fists go to goals.
+
+    Args:
+        low: First arm.
+        high: One past the last.
+        shoulders: Position of each shoulder [m]. Shape (n, 3).
+        elbows: Likewise of the elbow. Shape (n, 3).
+        wrists: Likewise of the wrist. Shape (n, 3).
+        hinges: Axes about which elbows bend, unit. Shape (n, 3).
+        behind: Ways from fists to wrists [m]. Shape (n, 3).
+        goals: Where fists go [m]. Shape (n, 3).
+        out: Rotations in the world, written. Shape (n, 4).
+    """
+    for n in range(low, high):
+        p, q, r = shoulders[n], elbows[n], wrists[n]
+        u, v = (q[0] - p[0], q[1] - p[1], q[2] - p[2]), (r[0] - q[0], r[1] - q[1], r[2] - q[2])
+        a, b, x, y, z = distance_between(p, q), distance_between(q, r), behind[n, 0], behind[n, 1], behind[n, 2]
+        axis, flexion = (
+            bend_axis(u, v, a, b, (hinges[n, 0], hinges[n, 1], hinges[n, 2])),
+            flexion_at(a, b, distance_between(p, r)),
+        )
+        turn = 1.0, 0.0, 0.0, 0.0
+        for _ in range(_ROUNDS):
+            turned = rotate(turn, x, y, z)
+            way = goals[n, 0] + turned[0] - p[0], goals[n, 1] + turned[1] - p[1], goals[n, 2] + turned[2] - p[2]
+            wanted = flexion_at(a, b, math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]))
+            wanted = min(max(wanted, min(ELBOW_LEAST, flexion)), max(FOLDED, flexion))
+            bend, reached = solve_bend(u, v, a, b, axis, flexion, wanted - flexion)
+            turn = multiply(shortest_rotation(reached, way)[0], bend)
+        for k in range(4):
+            out[n, k] = turn[k]
 
 
 @kernel(allocates=False)

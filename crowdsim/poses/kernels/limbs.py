@@ -96,14 +96,14 @@ def excess(now, wanted, longest, width):
 
 
 @kernel(allocates=False)
-def _flexion(a, b, distance):
+def flexion_at(a, b, distance):
     """Return the flexion at which two bones have their ends so far apart."""
     cosine = (distance * distance - a * a - b * b) / (2.0 * a * b)
     return math.acos(min(max(cosine, -1.0), 1.0))
 
 
 @kernel(allocates=False)
-def _bend_axis(u, v, a, b, hinge):
+def bend_axis(u, v, a, b, hinge):
     """Return the axis that two bones ``u`` and ``v`` of lengths ``a`` and ``b`` bend about.
 
     It is normal to the plane that they are bent in; the hinge takes over where they are nearly straight.
@@ -126,7 +126,7 @@ def _bend_axis(u, v, a, b, hinge):
 
 
 @kernel(allocates=False)
-def _solve_bend(u, v, a, b, axis, flexion, change):
+def solve_bend(u, v, a, b, axis, flexion, change):
     """Return the rotation about an axis that changes the flexion by ``change``, and the way to the end after it.
 
     Where the axis is not quite normal to the limb, the angle is found step by step.
@@ -140,7 +140,7 @@ def _solve_bend(u, v, a, b, axis, flexion, change):
         ex, ey, ez = rotate(bend, v[0], v[1], v[2])
         end = u[0] + ex, u[1] + ey, u[2] + ez
         size = math.sqrt(end[0] * end[0] + end[1] * end[1] + end[2] * end[2])
-        lack = wanted - _flexion(a, b, size)
+        lack = wanted - flexion_at(a, b, size)
         change += lack
         if abs(lack) < 1e-9:
             break
@@ -148,7 +148,7 @@ def _solve_bend(u, v, a, b, axis, flexion, change):
 
 
 @kernel(allocates=False)
-def _shortest_rotation(e, g):
+def shortest_rotation(e, g):
     """Return the shortest rotation that lays one vector along another, and whether there is one."""
     size = math.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
     far = math.sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2])
@@ -195,12 +195,12 @@ def bend_limb(limbs, side, pose, world, target, distance):
     v = r[0] - q[0], r[1] - q[1], r[2] - q[2]
     a = math.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
     b = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    flexion = _flexion(a, b, distance_between(p, r))
-    change = min(_flexion(a, b, distance), max(MOST, flexion)) - flexion
+    flexion = flexion_at(a, b, distance_between(p, r))
+    change = min(flexion_at(a, b, distance), max(MOST, flexion)) - flexion
     h, world_rotations, parents = limbs.hinges[side], world.rotations, limbs.parents
-    axis = _bend_axis(u, v, a, b, rotate(world_rotations[upper], h[0], h[1], h[2]))
-    bend, reached = _solve_bend(u, v, a, b, axis, flexion, change)
-    swing, found = _shortest_rotation(reached, (target[0] - p[0], target[1] - p[1], target[2] - p[2]))
+    axis = bend_axis(u, v, a, b, rotate(world_rotations[upper], h[0], h[1], h[2]))
+    bend, reached = solve_bend(u, v, a, b, axis, flexion, change)
+    swing, found = shortest_rotation(reached, (target[0] - p[0], target[1] - p[1], target[2] - p[2]))
     if not found:
         return 1.0, 0.0, 0.0, 0.0
     # The upper joint swings; all between it and the middle joint goes along, and the middle joint bends in it.

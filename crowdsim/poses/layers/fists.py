@@ -9,15 +9,17 @@ import numpy as np
 from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.crowd.record import TakeData
+from crowdsim.motion import quaternion
 from crowdsim.motion.strikes import HANDS
 from crowdsim.poses.contacts import PoseAt, body_points, find_surfaces, strikes_near, within
 from crowdsim.poses.hits import SPANS, TOGETHER, Landed, by_column
-from crowdsim.poses.kernels.columns import LOWER, UPPER
-from crowdsim.poses.kernels.fists import ELBOW_LEAST, JOINTS, LEAN, MOTION, Landings, carry_fists
+from crowdsim.poses.kernels.columns import LOWER, MIDDLE, UPPER
+from crowdsim.poses.kernels.fists import ELBOW_LEAST, JOINTS, LEAN, MOTION, Landings, carry_fists, swing_forearms
 from crowdsim.poses.kernels.records import Posed
 from crowdsim.poses.layer import Layer, Part
 from crowdsim.poses.motion import PoseMotion
-from crowdsim.poses.outlines import striker_radii
+from crowdsim.poses.outlines import Balls, hand_balls, striker_radii
+from crowdsim.poses.skins import HAND_BALLS
 from crowdsim.poses.stops import find_stops
 from crowdsim.poses.trunk_assist import leaning_joints, plan_leans
 
@@ -77,20 +79,44 @@ def plan_landings(
     """
     arms = motion.arms
     fists, shoulders, wrists = np.full((3, len(near.times), 3), np.nan)
+    elbows, hinges = np.full((2, len(near.times), 3), np.nan)
+    offsets = np.full((len(near.times), *HAND_BALLS["gloves"][:, :3].shape), np.nan)
+    thick = np.zeros(offsets.shape[:2])
     radii, bare = np.zeros(len(near.times)), take.cast.bare[near.attackers]
     posed = pose_at(near.attackers, near.times)
     for which, body, scales, positions, rotations in posed:
         rows, hands = np.arange(len(which)), near.hands[which]
         fists[which] = body_points(body, positions, rotations, scales)[3][rows, hands]
         radii[which] = striker_radii(body, hands, scales, bare[which])
-        shoulders[which], wrists[which] = (positions[rows, arms.joints[hands, k]] for k in (UPPER, LOWER))
-    touched, struck = find_surfaces(take, near, fists, shoulders, radii, struck_at, motion.target, hops < 2, wrists)
+        shoulders[which], elbows[which], wrists[which] = (
+            positions[rows, arms.joints[hands, k]] for k in (UPPER, MIDDLE, LOWER)
+        )
+        ends = rotations[rows, arms.joints[hands, LOWER]].astype(float)
+        hinges[which] = quaternion.rotate(rotations[rows, arms.joints[hands, UPPER]].astype(float), arms.hinges[hands])
+        own = hand_balls(body, arms.hinges, hands, scales, bare[which])
+        offsets[which], thick[which] = quaternion.rotate(ends[:, None], own.offsets), own.radii
+
+    # Of a fist that misses and leaves a body thumb and wrist may stay.
+    thick[near.missed, 1:] = -1.0
+    behind = wrists - fists
+
+    def turn_hands(some: Array, points: Array) -> Array:
+        turns = np.empty((len(some), 4))
+        swing_forearms(0, len(some), shoulders[some], elbows[some], wrists[some], hinges[some], behind[some],
+                       points, turns)  # fmt: skip
+        return turns
+
+    def balls_at(some: Array, points: Array) -> Balls:
+        return Balls(quaternion.rotate(turn_hands(some, points)[:, None], offsets[some]), thick[some])
+
+    touched, struck = find_surfaces(take, near, fists, shoulders, radii, struck_at, motion.target, hops < 2, balls_at)
     shifts = touched - fists
     length = np.linalg.norm(shifts, axis=-1, keepdims=True)
     shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))
     shifts = np.where(np.isfinite(shifts), shifts, 0.0)
     stopped = ~near.blocked & (~near.missed | (shifts != 0.0).any(axis=1)) & (hops == 0)
-    stops = find_stops(take, near, touched, touched + wrists - fists, stopped, pose_at)
+    turned = quaternion.rotate(turn_hands(np.arange(len(near.times)), touched), behind)
+    stops = find_stops(take, near, touched, touched + turned, stopped, pose_at)
     leans, moves = np.zeros((len(near.times), JOINTS, 3)), np.zeros((len(near.times), 3))
     for which, _, _, positions, rotations in posed:
         leans[which], moves[which] = plan_leans(
