@@ -78,12 +78,12 @@ def _find_spins(reading: Reading) -> list[tuple[int, int, int]]:
     clip = reading.raw
     longest = max(2, round(_LONGEST * clip.fps))
     found: list[tuple[int, int, int]] = []
-    for joint, turns in _turning(reading).items():
-        speeds = _angles(turns[:-1], turns[1:]) * clip.fps
+    for joint, turns in directions_of_bones(reading).items():
+        speeds = angles_between(turns[:-1], turns[1:]) * clip.fps
         for start, stop in runs(speeds > _SUDDEN):
             # From the frame before the first fast step to the one in which the joint is back.
             end = min(stop + longest, clip.frame_count - 1)
-            apart = _angles(turns[start], turns[start + 1 : end + 1])
+            apart = angles_between(turns[start], turns[start + 1 : end + 1])
             back = np.flatnonzero(apart < _BACK * np.maximum.accumulate(apart))
             fast = speeds[start:stop].max() > (_FASTEST if len(back) and back[0] > 1 else _SUDDEN)
             if len(back) and fast and apart[: back[0] + 1].max() > _AWAY:
@@ -93,7 +93,7 @@ def _find_spins(reading: Reading) -> list[tuple[int, int, int]]:
     return sorted(found, key=lambda spin: spin[1:])
 
 
-def _turning(reading: Reading) -> dict[int, Array]:
+def directions_of_bones(reading: Reading) -> dict[int, Array]:
     """How joints are turned against their parents: rotations (F, 4), of limbs where bones point (F, 3).
 
     Limbs twist as they like where they are straight, which moves nothing.
@@ -111,7 +111,7 @@ def _turning(reading: Reading) -> dict[int, Array]:
     return found
 
 
-def _angles(a: Array, b: Array) -> Array:
+def angles_between(a: Array, b: Array) -> Array:
     """Angles between rotations (..., 4) or directions (..., 3) [rad]."""
     dots = np.sum(a * b, axis=-1)
     return 2.0 * np.arccos(np.minimum(np.abs(dots), 1.0)) if a.shape[-1] == 4 else np.arccos(np.clip(dots, -1.0, 1.0))
