@@ -7,18 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from crowdsim.capture.faults.diagnosis import Diagnosis
-from crowdsim.capture.faults.spins import angles_between, directions_of_bones
 from crowdsim.capture.reading import Reading
-from crowdsim.core.types import Array
+from crowdsim.capture.turning import AROUND, pose_jumps
 from crowdsim.motion.measuring import lead_in
 
-_LEAST, _ACCELERATION = np.deg2rad(5.0), np.deg2rad(14_000.0)
-"""A joint has jumped that turns by so much more in one frame than in those around [rad], at any rate and by this
-angular acceleration [rad/s^2]."""
-_JOINTS = 4
-"""How many joints jump at once where the whole pose is another one."""
-_AROUND = 3
-"""Frames on each side that a step is compared with; the fastest of them may be a jump of its own."""
 _SHORTEST = 1.0
 """What lies between two jumps for less than this time is no motion of its own [s]."""
 _MOST = 0.02
@@ -34,9 +26,9 @@ class PoseJumps:
     def examine(self, reading: Reading) -> Diagnosis | None:
         """Find frames before which many joints turn at once as in no frame around."""
         clip, body = reading.clip, reading.body
-        if body is None or not reading.finite or clip.frame_count < 2 * _AROUND + 2:
+        if body is None or not reading.finite or clip.frame_count < 2 * AROUND + 2:
             return None
-        jumps = _jumps(reading)
+        jumps = pose_jumps(reading)
         jumps = jumps[jumps > lead_in(clip, body)] if len(jumps) else jumps
         if reading.lost is not None:
             jumps = jumps[~(reading.lost[jumps] | reading.lost[jumps - 1])]
@@ -59,17 +51,6 @@ class PoseJumps:
             remedies.append("the clip is divided there")
         what, remedy = "; ".join(parts), ", ".join(remedies)
         return Diagnosis(self.name, what, 0.95, "leave_out", remedy, lambda: _divided(reading, lost, cuts))
-
-
-def _jumps(reading: Reading) -> Array:
-    """Frames that do not go on from the one before."""
-    turns = np.stack([angles_between(way[:-1], way[1:]) for way in directions_of_bones(reading).values()], axis=1)
-    count = len(turns)
-    around = np.array([offset for offset in range(-_AROUND, _AROUND + 1) if offset])
-    near = turns[np.clip(np.arange(count)[:, None] + around, 0, count - 1)]
-    excess = turns - np.sort(near, axis=1)[:, -2]
-    least = max(_LEAST, _ACCELERATION / reading.clip.fps**2)
-    return np.asarray(np.flatnonzero((excess > least).sum(axis=1) >= _JOINTS) + 1)
 
 
 def _divided(reading: Reading, spans: list[tuple[int, int]], cuts: list[int]) -> Reading:
