@@ -286,6 +286,32 @@ def wrong_frames(bvh: Bvh) -> Bvh:
     return _written(replace(clip, rotations=rotations), bvh)
 
 
+def sides_confused(frames: int) -> Change:
+    """Give each side's limbs the rotations of the other's for some frames, as trackers that confuse them do."""
+
+    def change(bvh: Bvh) -> Bvh:
+        motion, first = bvh.motion.copy(), bvh.frame_count // 2
+        for limb in ("shoulder", "hip"):
+            left, right = (_rotations_below(bvh, f"{side}_{limb}") for side in ("left", "right"))
+            motion[first : first + frames, left] = bvh.motion[first : first + frames, right]
+            motion[first : first + frames, right] = bvh.motion[first : first + frames, left]
+        return replace(bvh, motion=motion)
+
+    return change
+
+
+def other_pose(seconds: float) -> Change:
+    """Put the poses that a clip begins with into its middle, for some time, over the root's own path."""
+
+    def change(bvh: Bvh) -> Bvh:
+        motion, first, count = bvh.motion.copy(), bvh.frame_count // 2, round(seconds * bvh.fps)
+        columns = rotation_columns(bvh)
+        motion[first : first + count, columns] = bvh.motion[:count, columns]
+        return replace(bvh, motion=motion)
+
+    return change
+
+
 def root_rotation(heading: bool) -> Change:
     """Leave out the root's rotation, or all but its heading."""
 
@@ -377,6 +403,8 @@ FAULTS: dict[str, tuple[str, Change]] = {
     "root steps": ("root_jumps", root_step),
     "root at the origin for 6 frames": ("root_jumps", root_at_origin),
     "6 rows of zeros": ("root_jumps", rows_of_zeros),
+    "left and right confused for 5 frames": ("pose_jumps", sides_confused(5)),
+    "poses of another time for half a second": ("pose_jumps", other_pose(0.5)),
     "root held for 5 frames": ("root_held", root_held),
     "root drifts": ("root_drift", root_drifting(0.4)),
     "root drifts slowly": ("root_drift", root_drifting(0.2)),

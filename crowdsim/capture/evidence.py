@@ -138,6 +138,11 @@ class Evidence:
         return self._smooth(self.root_velocity, _STEP)
 
     @cached_property
+    def speed(self) -> float:
+        """Median speed of the pelvis over the ground [m/s]."""
+        return float(np.median(np.linalg.norm(self.travel[self.inside][:, [0, 2]], axis=1)))
+
+    @cached_property
     def gravity(self) -> float | None:
         """Median acceleration downward of the trunk while both feet are off the floor [1/s^2].
 

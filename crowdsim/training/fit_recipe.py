@@ -141,7 +141,7 @@ def recipe_text(survey: Survey, behaviours: Sequence[str], place: Path) -> str:
         )
     fit = next(one for one in FITS if survey.seconds <= one.seconds)
     sides = [sum(survey.strikes[side::2]) for side in range(2)]
-    mirror = survey.seconds <= MIRRORED or min(sides) < 0.2 * sum(sides)
+    mirror = survey.mirrors and (survey.seconds <= MIRRORED or min(sides) < 0.2 * sum(sides))
     settings, blocks = _template()
     settings = re.sub(r"(?<=\n  spacing: )\S+", f"{fit.spacing:g}", settings)
     if fit.threshold is not None:
@@ -176,7 +176,8 @@ def _head(survey: Survey, mirror: bool, place: Path) -> str:
         what = f"{file.seconds:.1f} s, {own} strike{'s' * (own != 1)}" + "; another skeleton" * bool(file.change)
         lines.append(f"      - {_scalar(file.name)} # {what}")
     lines += [f"      # left out: {_comment(f'{file.name}: {file.reason}')}" for file in survey.left_out]
-    lines.append(f"  mirror: {str(mirror).lower()} # add the mirror image of every clip")
+    note = "add the mirror image of every clip" if survey.mirrors else "the rest pose of the skeleton is no body's"
+    lines.append(f"  mirror: {str(mirror).lower()} # {note}")
     if sum(struck[limb] for limb in FEET):
         lines += ["strikes:", "  limbs: [hands, feet]"]
     return "\n".join(lines) + "\n"

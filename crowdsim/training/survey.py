@@ -9,7 +9,7 @@ from pathlib import Path
 from crowdsim.capture.loading import LEAST_SECONDS, Capture, load_capture, load_people, usable_clips, without_path
 from crowdsim.core.types import FileName, Progress
 from crowdsim.errors import BvhError, MotionError, PolicyError
-from crowdsim.motion.measuring import MeasuredClip
+from crowdsim.motion.measuring import MeasuredClip, rests_like_a_body
 from crowdsim.motion.retargeting import retarget
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.motion.strikers import HANDS_AND_FEET
@@ -48,11 +48,13 @@ class Survey:
         folder: The folder.
         used: The files that can be trained on together, by name.
         left_out: The others, by name, each with its reason.
+        mirrors: Whether motion on their skeleton can be mirrored: its rest pose has to be that of a body.
     """
 
     folder: Path
     used: tuple[SurveyedFile, ...]
     left_out: tuple[SurveyedFile, ...]
+    mirrors: bool = True
 
     @property
     def seconds(self) -> float:
@@ -92,12 +94,10 @@ def survey_capture(folder: FileName, progress: Progress | None = None) -> Survey
         raise MotionError(f"{folder}: none of its BVH files can be trained on\n{lines}")
     most = max(groups, key=lambda group: sum(file.seconds for file in group))
     names = {file.name for file in most}
-    target = None if len(groups) == 1 else _measured(folder / most[0].name)
-    files = [
-        file if file.reason or file.name in names or target is None else _brought(folder, file, target)
-        for file in files
-    ]
-    return Survey(folder, tuple(one for one in files if not one.reason), tuple(one for one in files if one.reason))
+    target = _measured(folder / most[0].name)
+    files = [file if file.reason or file.name in names else _brought(folder, file, target) for file in files]
+    used, left_out = (tuple(one for one in files if bool(one.reason) == out) for out in (False, True))
+    return Survey(folder, used, left_out, rests_like_a_body(target.clip.skeleton, target.body.roles))
 
 
 def group_by_skeleton(files: Sequence[SurveyedFile]) -> list[list[SurveyedFile]]:

@@ -77,7 +77,8 @@ NAMES = (
     "a T-pose for a second in the middle", "names of left and right exchanged in the arms",
     "names of left and right exchanged in the legs", "rotations are those in the world",
     "positions are places against the root", "an arm was lost for a second", "single frames of an elbow are wrong",
-    "root a quarter of a second late",
+    "root a quarter of a second late", "left and right confused for 5 frames",
+    "poses of another time for half a second",
 )  # fmt: skip
 
 
@@ -248,6 +249,23 @@ def test_a_jump_to_another_pose_parts_the_clip(boxer, tmp_path):
     capture = written(tmp_path, from_clip(jumping))
     assert "jumps to another pose" in capture.findings[0]
     assert capture.spans == ((0, 300), (300, 460))
+
+
+def test_a_pose_that_jumps_parts_the_clip_where_the_root_goes_on_and_jumps_all_over_are_refused(boxer, tmp_path):
+    frames = np.r_[0:300, 500:660]
+    roots = boxer.root_positions[frames]
+    roots[300:] -= boxer.root_positions[500] - boxer.root_positions[300]
+    joined = replace(boxer, root_positions=roots, rotations=boxer.rotations[frames])
+    capture = written(tmp_path, from_clip(joined))
+    (finding,) = capture.findings
+    assert finding == ("pose_jumps: the pose jumps before frame 300 (95 % sure); the clip is divided there")
+    assert [clip.clip.frame_count for clip in usable_clips(capture)] == [300, 160]
+    shuffled = replace(
+        boxer,
+        rotations=boxer.rotations.reshape(33, 20, *boxer.rotations.shape[1:])[::-1].reshape(boxer.rotations.shape),
+    )
+    with pytest.raises(MotionError, match=r"pose_jumps: the pose jumps \d+ times"):
+        usable_clips(written(tmp_path, from_clip(shuffled)))
 
 
 @pytest.mark.parametrize("frame_time", [1e8, 8333.0, 1e-8])

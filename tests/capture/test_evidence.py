@@ -9,6 +9,8 @@ import pytest
 
 from crowdsim.bvh.io import from_clip, write_bvh
 from crowdsim.capture.evidence import gather_evidence
+from crowdsim.capture.faults.root_drift import _walking
+from crowdsim.capture.faults.time_base import _fits
 from crowdsim.capture.loading import load_capture
 from crowdsim.motion.body import HEIGHT
 from crowdsim.motion.measuring import measure_body
@@ -100,6 +102,13 @@ def test_a_walk_or_hops_with_a_clock_that_is_twice_too_fast_are_refused_with_abo
         assert int(finding.partition(words)[2].split()[0]) == pytest.approx(60, rel=0.3)
 
 
+def test_short_steps_that_are_slow_are_those_of_a_shuffle_and_no_wrong_clock(walk, tmp_path):
+    evidence = evidence_of(walk.sliced(180, 480))
+    for pace, speed, fits in ((0.19, 0.75, True), (0.19, 1.7, False), (0.4, 1.7, True)):
+        evidence.__dict__.update(pace=pace, speed=speed, balance=None, gravity=None)
+        assert _fits(evidence.fps, evidence) == fits
+
+
 def test_a_walk_that_drifts_aside_or_ahead_is_brought_back(walk, tmp_path):
     straight = walk.sliced(300, 480)
     write_bvh(tmp_path / "clip.bvh", from_clip(straight))
@@ -114,6 +123,19 @@ def test_a_walk_that_drifts_aside_or_ahead_is_brought_back(walk, tmp_path):
         assert [(one.diagnosis.fault, one.done) for one in capture.diagnoses] == [("root_drift", "repaired")]
         rest = (capture.clip.root_positions - straight.root_positions)[-1] / seconds[-1]
         assert np.linalg.norm(rest) < 0.3 * np.linalg.norm(drift)
+
+
+def test_feet_of_a_run_are_too_short_on_the_floor_to_show_a_drift(walk, tmp_path):
+    straight = walk.sliced(300, 480)
+    seconds = np.arange(straight.frame_count)[:, None] / straight.fps
+    way = straight.root_positions[-1] - straight.root_positions[0]
+    drifting = replace(straight, root_positions=straight.root_positions + seconds * 0.35 * way / np.linalg.norm(way))
+    evidence = evidence_of(drifting)
+    assert _walking(evidence) is not None
+    evidence.__dict__["travel"] = evidence.travel * 3.0
+    evidence.__dict__["planted"] = evidence.planted * 3.0
+    assert evidence.speed > 2.5
+    assert _walking(evidence) is None
 
 
 def test_the_root_of_a_clean_clip_follows_the_feet_that_bear_it_and_that_of_another_clip_does_not(boxer):

@@ -5,10 +5,13 @@ from pathlib import Path
 
 import pytest
 import yaml
+from conventions import CONVENTIONS
+from exporters import Export, export_motion
 from people import together
 
 from crowdsim.bvh.io import write_bvh
 from crowdsim.errors import MotionError, PolicyError
+from crowdsim.motion.roles import find_roles
 from crowdsim.performer.session import perform, write_performance
 from crowdsim.training.fit_recipe import BEHAVIOURS, recipe_text
 from crowdsim.training.survey import survey_capture
@@ -117,6 +120,21 @@ def test_files_of_other_skeletons_are_used_with_what_is_changed(tmp_path, clip):
     # The skeleton with the longest motion is that of all.
     fill(tmp_path, {"e.bvh": longer, "f.bvh": longer})
     assert [bool(file.change) for file in survey_capture(tmp_path).used] == [True, True, False, False, False, False]
+
+
+def test_motion_on_a_skeleton_without_the_rest_pose_of_a_body_is_not_to_be_mirrored(tmp_path, clip):
+    fill(tmp_path, {"plain/a.bvh": clip})
+    plain = survey_capture(tmp_path / "plain")
+    how = next(one for one in CONVENTIONS if one.name == "lafan")
+    motion = perform(4.0, 3)[0].clip
+    (tmp_path / "bones").mkdir()
+    write_bvh(
+        tmp_path / "bones" / "a.bvh", export_motion(motion, find_roles(motion.skeleton), how, Export(rest="bones"))
+    )
+    bones = survey_capture(tmp_path / "bones")
+    for survey, mirrors in ((plain, True), (bones, False)):
+        assert survey.mirrors == mirrors
+        assert yaml.safe_load(recipe_text(survey, BEHAVIOURS, tmp_path))["motion"]["mirror"] == mirrors
 
 
 def test_each_of_several_people_in_a_file_is_surveyed(tmp_path):

@@ -13,6 +13,7 @@ from crowdsim.capture.faults.floor import Floor
 from crowdsim.capture.faults.handedness import Handedness, Knees
 from crowdsim.capture.faults.in_place import InPlace
 from crowdsim.capture.faults.limbs import Limbs
+from crowdsim.capture.faults.pose_jumps import PoseJumps
 from crowdsim.capture.faults.repeats import Repeats
 from crowdsim.capture.faults.root_drift import RootDrift
 from crowdsim.capture.faults.root_held import RootHeld
@@ -37,6 +38,7 @@ FAULTS: tuple[Fault, ...] = (
     Ends(),
     Limbs(),
     RootJumps(),
+    PoseJumps(),
     InPlace(),
     RootDrift(),
     Handedness(),

@@ -17,9 +17,10 @@ _ALONG = 0.5
 """How far the root travels with the feet, as a share of that: a body on a moving belt stays."""
 _PLAINLY = 0.3
 """Spread below which there is no doubt."""
-_STRAIGHT, _STEPS, _WALKS = 0.95, 0.19, 0.5
+_STRAIGHT, _STEPS, _WALKS, _RUNS = 0.95, 0.19, 0.5, 2.5
 """How much of its way a walk goes ahead, at the least; how far feet that bear it are from their median velocity, in the
-median and at the most, as a share of its speed; and that speed, at the least [m/s]."""
+median and at the most, as a share of its speed; and that speed, at the least and at the most [m/s]: in a run, feet
+are hardly on the floor."""
 _ASIDE, _AHEAD, _MOST = 0.055, 0.11, 0.4
 """Velocities aside and ahead of feet that bear a walk from which on they do not stand, as shares of its speed; where
 they go ahead by more than the last, the root is in another unit."""
@@ -71,7 +72,7 @@ def _walking(evidence: Evidence) -> tuple[Array, float] | None:
     speeds = np.linalg.norm(ways, axis=1)
     moves = evidence.inside & (speeds >= 0.5 * np.median(speeds[evidence.inside]))
     ahead, speed = unit(ways[moves]), float(np.median(speeds[moves]))
-    if speed < _WALKS or np.linalg.norm(ahead.mean(axis=0)) < _STRAIGHT:
+    if not _WALKS < speed < _RUNS or np.linalg.norm(ahead.mean(axis=0)) < _STRAIGHT:
         return None
     axes = np.stack([ahead, np.cross(up, ahead)], axis=1)
     velocities = np.einsum("fij,fj->fi", axes, evidence.planted[moves])

@@ -8,10 +8,9 @@ import numpy as np
 
 from crowdsim.bvh.io import Bvh
 from crowdsim.capture.columns import rotation_columns
-from crowdsim.capture.evidence import SIDES, unit
 from crowdsim.capture.faults.diagnosis import Diagnosis
 from crowdsim.capture.reading import Reading
-from crowdsim.core.types import Array
+from crowdsim.capture.turning import angles_between, directions_of_bones, pose_jumps
 from crowdsim.motion import quaternion
 from crowdsim.motion.contacts import runs
 from crowdsim.motion.measuring import lead_in
@@ -26,10 +25,6 @@ _LONGEST = 0.12
 """Longest time of such a turn [s]."""
 _MOST = 0.05
 """Share of all frames above which nothing is certain about a joint."""
-
-
-_ALL = 4
-"""Number of joints from which on a frame in which they turn away at once is another pose."""
 _SHOWN = 4
 
 
@@ -46,11 +41,9 @@ class Spins:
         begun = lead_in(clip, body)
         lost = np.zeros(clip.frame_count, bool) if reading.lost is None else reading.lost
         found = [spin for spin in _find_spins(reading) if spin[1] > begun and not lost[spin[1] - 1 : spin[2] + 1].any()]
-        at_once = np.zeros(clip.frame_count, int)
-        for _, start, stop in found:
-            at_once[start:stop] += 1
         # Where many joints turn at once, the whole pose is another one.
-        found = [(joint, start, stop) for joint, start, stop in found if at_once[start:stop].max() < _ALL]
+        leaps = pose_jumps(reading)
+        found = [spin for spin in found if not ((spin[1] <= leaps) & (leaps <= spin[2])).any()]
         if not found:
             return None
         frames = np.zeros(clip.frame_count, bool)
@@ -78,12 +71,12 @@ def _find_spins(reading: Reading) -> list[tuple[int, int, int]]:
     clip = reading.raw
     longest = max(2, round(_LONGEST * clip.fps))
     found: list[tuple[int, int, int]] = []
-    for joint, turns in _turning(reading).items():
-        speeds = _angles(turns[:-1], turns[1:]) * clip.fps
+    for joint, turns in directions_of_bones(reading).items():
+        speeds = angles_between(turns[:-1], turns[1:]) * clip.fps
         for start, stop in runs(speeds > _SUDDEN):
             # From the frame before the first fast step to the one in which the joint is back.
             end = min(stop + longest, clip.frame_count - 1)
-            apart = _angles(turns[start], turns[start + 1 : end + 1])
+            apart = angles_between(turns[start], turns[start + 1 : end + 1])
             back = np.flatnonzero(apart < _BACK * np.maximum.accumulate(apart))
             fast = speeds[start:stop].max() > (_FASTEST if len(back) and back[0] > 1 else _SUDDEN)
             if len(back) and fast and apart[: back[0] + 1].max() > _AWAY:
@@ -91,30 +84,6 @@ def _find_spins(reading: Reading) -> list[tuple[int, int, int]]:
                 if not found or found[-1][0] != joint or start >= found[-1][2]:
                     found.append((joint, int(start) + 1, last))
     return sorted(found, key=lambda spin: spin[1:])
-
-
-def _turning(reading: Reading) -> dict[int, Array]:
-    """How joints are turned against their parents: rotations (F, 4), of limbs where bones point (F, 3).
-
-    Limbs twist as they like where they are straight, which moves nothing.
-    """
-    clip, roles = reading.raw, reading.roles
-    found = {roles[role]: clip.rotations[:, roles[role]] for role in ("pelvis", "spine", "chest", "neck")}
-    for side in SIDES:
-        for upper, lower in (("shoulder", "elbow"), ("elbow", "hand"), ("hip", "knee"), ("knee", "foot")):
-            below = roles[f"{side}_{lower}"]
-            while clip.skeleton.parents[below] != roles[f"{side}_{upper}"]:
-                below = int(clip.skeleton.parents[below])
-            if np.any(clip.skeleton.offsets[below]):
-                joint = roles[f"{side}_{upper}"]
-                found[joint] = unit(quaternion.rotate(clip.rotations[:, joint], clip.skeleton.offsets[below]))
-    return found
-
-
-def _angles(a: Array, b: Array) -> Array:
-    """Angles between rotations (..., 4) or directions (..., 3) [rad]."""
-    dots = np.sum(a * b, axis=-1)
-    return 2.0 * np.arccos(np.minimum(np.abs(dots), 1.0)) if a.shape[-1] == 4 else np.arccos(np.clip(dots, -1.0, 1.0))
 
 
 def _drawn(reading: Reading, spins: list[tuple[int, int, int]]) -> Bvh:

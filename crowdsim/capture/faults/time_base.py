@@ -27,8 +27,9 @@ _EARTH, _FLOATS, _DROPS = 9.81, 1.1, 30.0
 """Acceleration downward of someone who is in the air, and bounds beyond which it is that of another clock [m/s^2]."""
 _SWAYS, _SNAPS = 1.4, 130.0
 """Likewise of gravity by how a body on one foot is accelerated (``Evidence.balance``) [m/s^2]."""
-_WALKS, _TRIPS = 0.43, 0.21
-"""How far a step of a walk goes times how long it takes (``Evidence.pace``), and what it is no less than [m s]."""
+_WALKS, _TRIPS, _QUICK = 0.43, 0.21, 0.4
+"""How far a step of a walk goes times how long it takes (``Evidence.pace``), what it is no less than [m s] where steps
+are quick, and how long such a step takes at the most [s]: those who shuffle take short steps, and no quick ones."""
 _READINGS = {
     "milliseconds": lambda value: 1000.0 / value,
     "microseconds": lambda value: 1e6 / value,
@@ -78,7 +79,7 @@ class TimeBase:
             if gravity is not None and gravity > 0.0:
                 rate = written * np.sqrt(_EARTH / gravity)
                 what += f", and {falls} at {gravity:.3g} m/s^2, as on earth at about {rate:.0f} frames a second"
-        if evidence is not None and evidence.pace is not None and evidence.pace < _TRIPS:
+        if evidence is not None and evidence.pace is not None and _trips(written, evidence):
             usual = written * evidence.pace / _WALKS
             what += f", and steps follow one another as those of a walk do at about {usual:.0f} frames a second"
         return Diagnosis(
@@ -128,8 +129,16 @@ def _fits(fps: float, evidence: Evidence | None) -> bool:
         and not 0.0 < fall < _FLOATS
         and fall < _DROPS
         and _SWAYS < sway < _SNAPS
-        and (evidence.pace is None or evidence.pace * evidence.fps / fps > _TRIPS)
+        and not _trips(fps, evidence)
     )
+
+
+def _trips(fps: float, evidence: Evidence) -> bool:
+    """Whether steps at a rate are quick, and short for that."""
+    if evidence.pace is None:
+        return False
+    slower = evidence.fps / fps
+    return evidence.pace * slower < _TRIPS and evidence.pace * slower**2 < _QUICK**2 * evidence.speed
 
 
 def _falls(evidence: Evidence) -> tuple[tuple[str, float | None], ...]:
