@@ -9,10 +9,12 @@ from pathlib import Path
 
 from _fall_tables import FALL_TABLES
 from _fight_tables import FIGHT_TABLES
-from _results import MISSING, NOT_MEASURED, Format, Results, cell, fixed, number, percent, scaled, short
+from _results import MISSING, NOT_MEASURED, Format, Results, cell, fixed, number, percent, scaled, short, whole
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from _exported.goals import MEASURES, shown
+from _fights.consequences import BREAK_GOALS
+from _fights.consequences import GOALS as CONSEQUENCES
 from _scene_goals import GOALS, Goal
 from blows import GOALS as BLOWS
 from blows import SCENES as BLOW_SCENES
@@ -258,6 +260,27 @@ def blows(results: Results) -> list[str]:
     return results.table(header, rows, "blows")
 
 
+def consequences(results: Results) -> list[str]:
+    """Return what follows knock-downs, and what fills breaks, beside what is aimed at."""
+    scenes = ("brawl_last_standing", "bout")
+
+    def figure(scene: str, key: str, goal: Goal) -> str:
+        value = results.get("fights", "consequences", scene, key)
+        is_count = goal.most == 0.0 or goal.least > 1.0
+        text = cell(whole if is_count else percent, value)
+        return text if value is MISSING or value is None or goal.met(value) else f"**{text}**"
+
+    rows = [
+        [label, *(figure(scene, key, goal) for scene in scenes), "", str(goal)]
+        for key, (label, goal) in CONSEQUENCES.items()
+    ]
+    rows += [
+        [label, "", "", figure("bout, breaks", key, goal), str(goal)] for key, (label, goal) in BREAK_GOALS.items()
+    ]
+    header = ["", *(f"`{scene}`" for scene in scenes), "`bout`, breaks", "goal"]
+    return results.table(header, rows, "fights")
+
+
 def performer(results: Results) -> list[str]:
     """Return the motion of the embedded performer beside a captured boxer; 2 and 4 are places in ``QUANTILES``."""
     rows = []
@@ -338,6 +361,7 @@ QUALITY_TABLES: dict[str, Callable[[Results], list[str]]] = {
     "cameras": cameras,
     "poses": poses,
     "blows": blows,
+    "consequences": consequences,
     "contact": contact,
     "performer": performer,
     "detectors": detectors,
