@@ -1,4 +1,4 @@
-"""Figures of exported motion, measured from the BVH files by independent code.
+"""Figures of exported motion, measured from the BVH files by another reader.
 
     python benchmarks/exported.py [RUN ...] [--mocap DIR] [--frames N] [--seconds 0.4] [--strips FOLDER] [--quick]
         [--json]
@@ -7,8 +7,9 @@ Without a RUN, `brawl_30`, `armies_200` and, with --mocap or CROWDSIM_MOCAP, `br
 their only output. A reader in this folder, in plain numpy, reads and poses the files. The take gives strikes, opponents
 and decisions, the policy's bundle gives body sizes and where actions begin in the source, and `crowdsim perform` or the
 capture's files give the source motion, which is measured in the same way. The package's own code is used only for the
-figures of `crowdsim inspect` that are printed beside these, and to draw. All avatars of a run must use one policy and
-be present from its start to its end.
+figures of `crowdsim inspect` that are printed beside these, and to draw; and its table of skins says what fists touch
+(`crowdsim.poses.skins`): `delivery.py` measures that on the meshes. All avatars of a run must use one policy and be
+present from its start to its end.
 
 --strips FOLDER draws the ten worst moments of each kind, and the ten most typical blows, into FOLDER/RUN_KIND.png:
 strips of frames around them, from the side, with avatars, time and figure. The JSON document has a group for each run,

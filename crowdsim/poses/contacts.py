@@ -33,7 +33,7 @@ _FACING = 0.4
 """Least cosine of the angle between the outward direction of a point that is hit and the direction to the shoulder."""
 _OUT = 12
 """Times that a point goes out of head or torso."""
-_ON_ARM = 0.005
+_ON_ARM = 0.01
 """How far off an upper arm the surface of a fist is at the most that lands on it [m]."""
 _SLIM = 0.77
 """Radius of a trunk's capsules as a share of that of the torso that counts as hit."""

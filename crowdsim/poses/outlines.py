@@ -72,7 +72,7 @@ def striker_radii(body: Body, limbs: Array, scales: Array, bare: Array) -> Array
 
 
 def hand_axes(body: Body, hinges: Array) -> Array:
-    """Return along, front and outwards of both hands in their frames, as they hang on forearms at rest. (2, 3, 3).
+    """Return along, front and outwards of both hands in their frames, as they hang at rest. Shape (2, 3, 3).
 
     Args:
         body: The body.

@@ -104,7 +104,7 @@ class PoseSource(Protocol):
 
         Args:
             frame: The frame.
-            shown: What is to be seen of them; everything when None. What moves nothing by half a pixel may be left out.
+            shown: What is to be seen of them; everything when None. What is hardly seen may be left out.
 
         Returns:
             World positions [m] (n, J, 3) and rotations (n, J, 4), scaled already and NaN while absent or out of sight,

@@ -176,7 +176,7 @@ def _head(survey: Survey, mirror: bool, place: Path) -> str:
         what = f"{file.seconds:.1f} s, {own} strike{'s' * (own != 1)}" + "; another skeleton" * bool(file.change)
         lines.append(f"      - {_scalar(file.name)} # {what}")
     lines += [f"      # left out: {_comment(f'{file.name}: {file.reason}')}" for file in survey.left_out]
-    note = "add the mirror image of every clip" if survey.mirrors else "the rest pose of the skeleton is no body's"
+    note = "add the mirror image of every clip" if survey.mirrors else "the skeleton's rest pose cannot be mirrored"
     lines.append(f"  mirror: {str(mirror).lower()} # {note}")
     if sum(struck[limb] for limb in FEET):
         lines += ["strikes:", "  limbs: [hands, feet]"]

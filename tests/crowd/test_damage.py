@@ -234,6 +234,12 @@ def test_of_two_that_knock_each_other_down_the_first_to_land_stays_up(turned):
     assert bodies == struck((0, 1, 0.5, 0.1), (2, 1, 0.7, 0.1))[2]
 
 
+@pytest.mark.parametrize("turned", [1, -1])
+def test_whoever_is_knocked_down_falls_by_that_blow_and_not_by_a_harder_one_after_it(turned):
+    felling, harder = (0, 1, 0.5, 0.1), (2, 1, 0.7, 2.0)
+    assert struck(*(felling, harder)[::turned])[2][1] == struck(felling)[2][1]
+
+
 @pytest.mark.parametrize("falls", [False, True])
 def test_knock_downs_depend_on_neither_threads_nor_storage_nor_calls(falls, monkeypatch):
     people = fighters(20)

@@ -29,7 +29,7 @@ _SWAYS, _SNAPS = 1.4, 130.0
 """Likewise of gravity by how a body on one foot is accelerated (``Evidence.balance``) [m/s^2]."""
 _WALKS, _TRIPS, _QUICK = 0.43, 0.21, 0.4
 """How far a step of a walk goes times how long it takes (``Evidence.pace``), what it is no less than [m s] where steps
-are quick, and how long such a step takes at the most [s]: those who shuffle take short steps, and no quick ones."""
+are quick, and how long such a step takes at the most [s]: shuffling has short steps, and no quick ones."""
 _READINGS = {
     "milliseconds": lambda value: 1000.0 / value,
     "microseconds": lambda value: 1e6 / value,

@@ -7,7 +7,7 @@ import numpy as np
 
 from crowdsim.crowd.kernels.bases import over_ground
 from crowdsim.crowd.kernels.damage import apply_damage
-from crowdsim.crowd.kernels.layout import AHEAD, BLOCKED, LANDED, MISSED
+from crowdsim.crowd.kernels.layout import AHEAD, BLOCKED, DROPS, LANDED, MISSED
 from crowdsim.crowd.kernels.outcomes import Strike, judge
 from crowdsim.crowd.kernels.positions import position_of, way_between
 from crowdsim.crowd.kernels.prefetch import prefetch, prefetch_avatar
@@ -67,6 +67,11 @@ def resolve(model, avatars, world, frame, strikes, first, last):
     """
     felled, last = apply_damage(model, avatars, world, frame, strikes, first, last)
     note_hits(model, avatars, frame, strikes, first, last)
+    for k in range(first, last if felled > 0 else first):
+        # It falls where this blow sends it, whatever else hit it.
+        if strikes[k].down > 0 and avatars.conditions[strikes[k].victim].standing == DROPS:
+            avatars.fight[avatars.slot_of[strikes[k].victim]].hit_frame = frame - 1
+            note_hits(model, avatars, frame, strikes, k, k + 1)
     return felled, last
 
 

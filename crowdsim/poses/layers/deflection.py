@@ -361,7 +361,8 @@ def _creep(moves: Array, furthest: Array) -> Array:
 def _struck_arms(blocks: list[Block]) -> tuple[Array, Array, Array]:
     """Return avatars on whose upper arms strikes land, which of their arms that are, and when [s]. Shapes (E,)."""
     planned = [block.part.plans.get(name) for block in blocks for name in (Kicks.name, Fists.name)]
-    found = [(one.struck, one.times) for one in planned if one is not None]
+    none = np.zeros(0, np.int64), np.zeros(0)
+    found = [none, *((one.struck, one.times) for one in planned if one is not None)]
     struck, times = (np.concatenate(values) for values in zip(*found, strict=True))
     return struck[struck >= 0] // 2, struck[struck >= 0] % 2, times[struck >= 0]
 

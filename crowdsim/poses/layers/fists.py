@@ -96,7 +96,7 @@ def plan_landings(
         own = hand_balls(body, arms.hinges, hands, scales, bare[which])
         offsets[which], thick[which] = quaternion.rotate(ends[:, None], own.offsets), own.radii
 
-    # Of a fist that misses and leaves a body thumb and wrist may stay.
+    # A fist that misses is moved out of a body by itself; thumb and wrist may stay in it.
     thick[near.missed, 1:] = -1.0
     behind = wrists - fists
 

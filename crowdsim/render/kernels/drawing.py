@@ -23,7 +23,7 @@ from crowdsim.render.kernels.points import gather_points
 from crowdsim.render.kernels.records import Layers, Lit, Near
 from crowdsim.render.kernels.shade import find_sky, find_sun
 from crowdsim.render.kernels.skins import meet_skins
-from crowdsim.render.kernels.tiles import FLAGS, LAYER, POINT_SCRATCH, POINTS, SAMPLES, SCRATCH, F, N
+from crowdsim.render.kernels.tiles import FLAGS, LAYER, POINT_SCRATCH, POINTS, SAMPLES, SCRATCH, TOGETHER, F, N
 
 
 @kernel(fastmath=FLAGS)
@@ -55,7 +55,7 @@ def draw_tiles(first, step, camera, light, floor, scene, skins, grids, arena, fl
         F(camera[FOCAL]),
     )
     cones, spans, tiles, faces = scene.cones, scene.spans, grids.tiles, grids.faces
-    room = Near(np.zeros(cones.shape[0] + 1, np.int32), np.empty(128, np.int32))
+    room = Near(np.zeros(cones.shape[0] + 1, np.int32), np.empty(TOGETHER, np.int32))
     columns, rows = (out.shape[1] + 7) // 8, (out.shape[0] + 7) // 8
     for tile in range(first, columns * rows, step):
         x0, y0 = 8 * (tile % columns), 8 * (tile // columns)
