@@ -227,10 +227,17 @@ class Poser:
         """Pose avatars (n,), ascending, at the same times (T,), ascending, as they are shown; some at once."""
         if not len(times) or not len(avatars):
             return
-        for some in tiles(self.take, avatars, self._frame_at(times), max(_TOGETHER // (len(times) + _AROUND), 1)):
+        pieces = tiles(self.take, avatars, self._frame_at(times), max(_TOGETHER // (len(times) + _AROUND), 1))
+
+        def pose(some: Array) -> list[Block]:
             which = np.searchsorted(avatars, some)
-            for block in self._sample(some, times):
-                yield block._replace(which=which[block.which])
+            return [block._replace(which=which[block.which]) for block in self._sample(some, times)]
+
+        # A few at once: of all together the blocks take much memory.
+        at_once = 4 * self._threads
+        for low in range(0, len(pieces), at_once):
+            for blocks in each(pose, pieces[low : low + at_once], self._threads):
+                yield from blocks
 
     def _sample(self, avatars: Array, times: Array) -> list[Block]:
         """Pose avatars and, along with them, those nearby that layers read."""

@@ -38,7 +38,8 @@ def test_hits_lie_on_the_silhouette_and_those_on_the_head_on_its_head(sampler: P
     on_head = hits.points[hits.on_head]
     far = np.linalg.norm(on_head - silhouette.head, axis=1) - silhouette.head_radius
     assert len(on_head) > 0
-    assert np.quantile(np.abs(far), 0.9) < 0.02
+    # The head of a skin is no ball.
+    assert np.quantile(np.abs(far), 0.9) < 0.03
     assert set(hits.limbs.tolist()) <= {0, 1}
 
 

@@ -94,7 +94,7 @@ def test_legs_that_kick_move_without_a_jerk(kick: int, gap: float) -> None:
         np.linalg.norm(np.diff(path, 2, axis=0), axis=-1).max() * FPS**2 for path in (kicking - calm, calm, kicking)
     )
     # A foot that goes 12 cm and back in 0.4 s, evenly, accelerates by 27 m/s2; the kick itself by over 150.
-    assert change < 80.0
+    assert change < 650.0 * np.linalg.norm(kicking - calm, axis=-1).max()
     assert all_in_all < 1.15 * own
 
 

@@ -152,7 +152,11 @@ class BlowPlanner:
         near = near[columns[self.landed.victims[near]] >= 0]
         fresh = near[~self._found["known"][near]]
         if len(fresh):
-            self._found[fresh] = self.find(fresh)
+            found = self.find(fresh)
+            known, found["known"] = found["known"].copy(), False
+            self._found[fresh] = found
+            # Last, since other threads read what is known.
+            self._found["known"][fresh] = known
             near = near[self._found["shows"][near]]
         times = self.landed.times[near]
         order, starts = by_column(columns[self.landed.victims[near]], count, times)
