@@ -1,6 +1,6 @@
 """Fights: strikes in shipped brawls, bouts between fighters, time to react, bodies that are down, and breaks.
 
-    python benchmarks/fights.py [--mocap DIR] [--consequences] [--json] [--quick]
+    python benchmarks/fights.py [--mocap DIR] [--json] [--quick]
 
 Brawls with learned and with random actions: `strict` is what runs report: at the strike's frame the fist is within
 10 cm of the surface of the opponent's head or torso at that time. `generous` asks for less: the fist comes within 25 cm
@@ -21,10 +21,6 @@ start of a fall to standing, how often others tread on them, and how often they 
 knock-downs (``knock_downs.py``): how soon after the blow an avatar falls, and how often away from the attacker.
 
 Breaks between rounds (``breaks.py``), in `bout`: how soon boxers stand at ease, and for how much of the break.
-
-Consequences (``consequences.py``), from takes and BVH files: what victims do after the blow that fells them, how falls
-and ways to lie differ, who looks at the fallen, and what boxers do in breaks; with goals, those that are missed between
-asterisks. --consequences measures only these.
 """
 
 from __future__ import annotations
@@ -32,18 +28,16 @@ from __future__ import annotations
 import json
 import os
 import sys
-import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from _fights import bouts, breaks, consequences, defence, knock_downs, lying, reaction_time
+from _fights import bouts, breaks, defence, knock_downs, lying, reaction_time
 from _quick import command_line, small_policies
 
-from crowdsim.crowd.model_falls import captured_starts
 from crowdsim.poses.sampler import PoseSampler
-from crowdsim.runs.runner import run, run_to
+from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.take import Take
 from crowdsim.training.train import ready_policy
@@ -59,14 +53,8 @@ LYING_SCENE, LYING_SEEDS = "brawl_last_standing", 8
 """Where bodies that are down are measured, and the number of seeds, from 1 on."""
 BREAK_SEEDS = 20
 """Seeds of `bout` for breaks between rounds, from 1 on."""
-CONSEQUENCES = (
-    ("brawl_last_standing", "brawl_last_standing", ()),
-    ("bout", "bout", ()),
-    ("bout, breaks", "bout", (*breaks.SCENE, "duration=40s")),
-)
-"""Names, scenarios and overrides of runs whose files are measured."""
 SEEDS = 5
-"""Seeds of each scene for reactions and consequences, from 1 on."""
+"""Seeds of each scene for reactions, from 1 on."""
 DRAWN = [f"types.boxer.{key}={value}" for key, value in bouts.RANDOM.items()]
 QUICK: dict[str, Any] = {"frames": 300, "fraction": 0.2}
 """What is run of a scenario with ``--quick``."""
@@ -128,29 +116,6 @@ def measure(mocap: Path | None, quick: bool) -> dict[str, Any]:
         for seed in range(1, 2 if quick else BREAK_SEEDS + 1)
     ]
     outcome["breaks"] = breaks.measure_breaks(takes, policy)
-    outcome["consequences"] = measure_consequences(mocap, quick)
-    return outcome
-
-
-def measure_consequences(mocap: Path | None, quick: bool) -> dict[str, Any]:
-    """Return what follows knock-downs, and what fills breaks, by scene, in whole runs with their files."""
-    policy = ready_policy("boxer", mocap, threads=2)
-    assert policy.falls is not None
-    motion = captured_starts(policy, policy.falls.fall)
-    files = ("outputs.ply=null", "outputs.bvh.fps=60")
-    outcome: dict[str, Any] = {}
-    for name, scene, overrides in CONSEQUENCES:
-        runs = []
-        for seed in range(1, 2 if quick else SEEDS + 1):
-            with tempfile.TemporaryDirectory() as folder:
-                changes = QUICK if quick and "breaks" not in name else {}
-                scenario = load_scenario(scene, (*files, *overrides), seed=seed, **changes)
-                run_to(Path(folder) / "run", scenario, mocap=mocap)
-                runs.append(consequences.read_posed(Path(folder) / "run"))
-        if "breaks" in name:
-            outcome[name] = consequences.measure_break_poses(runs)
-        else:
-            outcome[name] = consequences.measure_consequences(runs, policy.falls.fall, motion)
     return outcome
 
 
@@ -172,8 +137,6 @@ def lines(outcome: Mapping[str, Any]) -> Iterator[str]:
     yield from knock_downs.lines(outcome["knock_downs"])
     yield ""
     yield from breaks.lines(outcome["breaks"])
-    yield ""
-    yield from consequences.lines(outcome["consequences"])
 
 
 def main() -> None:
@@ -181,16 +144,10 @@ def main() -> None:
         "Do avatars fight, and who wins?", "seconds: six avatars, 20 s, a few bouts of 8 s, small policies"
     )
     parser.add_argument("--mocap", type=Path, default=os.environ.get("CROWDSIM_MOCAP"), help="folder of capture")
-    parser.add_argument("--consequences", action="store_true", help="only what follows knock-downs, and breaks")
     options = parser.parse_args()
     with small_policies(falls=True, wanted=options.quick):
-        if options.consequences:
-            outcome = measure_consequences(options.mocap, options.quick)
-            text = consequences.lines(outcome)
-        else:
-            outcome = measure(options.mocap, options.quick)
-            text = lines(outcome)
-    print(json.dumps(outcome, indent=2) if options.json else "\n".join(text))
+        outcome = measure(options.mocap, options.quick)
+    print(json.dumps(outcome, indent=2) if options.json else "\n".join(lines(outcome)))
 
 
 if __name__ == "__main__":

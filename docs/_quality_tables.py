@@ -265,7 +265,7 @@ def consequences(results: Results) -> list[str]:
     scenes = ("brawl_last_standing", "bout")
 
     def figure(scene: str, key: str, goal: Goal) -> str:
-        value = results.get("fights", "consequences", scene, key)
+        value = results.get("consequences", scene, key)
         is_count = goal.most == 0.0 or goal.least > 1.0
         text = cell(whole if is_count else percent, value)
         return text if value is MISSING or value is None or goal.met(value) else f"**{text}**"
@@ -278,7 +278,7 @@ def consequences(results: Results) -> list[str]:
         [label, "", "", figure("bout, breaks", key, goal), str(goal)] for key, (label, goal) in BREAK_GOALS.items()
     ]
     header = ["", *(f"`{scene}`" for scene in scenes), "`bout`, breaks", "goal"]
-    return results.table(header, rows, "fights")
+    return results.table(header, rows, "consequences")
 
 
 def performer(results: Results) -> list[str]:

@@ -66,6 +66,10 @@ KEYS = {
         *(f"breaks.{key}" for key in ("count", "never_share", "ease_share")),
         *(f"lying.{key}" for key in ("sunk_share", "floating_share", "trodden_share", "overlap_share")),
     ],
+    "consequences": [
+        "brawl_last_standing.knock_downs", "bout.knock_downs",
+        *(f"bout, breaks.{key}" for key in ("breaks", "dropped", "apart", "faces", "struck_early")),
+    ],
     "blows": [
         f"{scene}.{name}.{which}" for scene in ("brawl_30", "bout") for which in ("mean", "worst")
         for name in ("fists_beyond_2_cm", "strikes_landed_buried")
