@@ -178,6 +178,8 @@ def find_surfaces(
             points[chosen] = goals
             gaps = surface.gaps(fists[chosen])[0] - thick
             for arm, columns in enumerate(upper_arms(body)):
+                if not len(columns):
+                    continue
                 far = Surface(*(values[:, columns] for values in surface)).gaps(points[chosen])[0] - thick
                 hit = (far < _ON_ARM) & ~near.missed[chosen] & ~near.blocked[chosen]
                 struck[chosen[hit]] = 2 * numbers[hit] + arm
