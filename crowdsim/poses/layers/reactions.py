@@ -152,7 +152,7 @@ class BlowPlanner:
         near = near[columns[self.landed.victims[near]] >= 0]
         fresh = near[~self._found["known"][near]]
         if len(fresh):
-            found = self.find(fresh)
+            found = self.find(fresh).copy()
             known, found["known"] = found["known"].copy(), False
             self._found[fresh] = found
             # Last, since other threads read what is known.
