@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -169,7 +170,9 @@ def test_an_interrupted_command_exits_130_and_a_terminated_one_143(workplace: Pa
         _, error = process.communicate(timeout=60)
         assert process.returncode == code, error
         assert "Traceback" not in error
-        (workplace / "clips").rmdir()
+        # On a busy machine a clip may be whole by then; none is half-written.
+        assert all(path.suffix == ".bvh" for path in (workplace / "clips").iterdir())
+        shutil.rmtree(workplace / "clips")
 
 
 @pytest.mark.parametrize(("raised", "code"), [(SystemExit(143), 143), (KeyboardInterrupt(), 130)])
