@@ -5,7 +5,7 @@ A block holds some successive frames. For each figure in turn it has, avatar by 
 - one byte per joint: which component of its quaternions (w, x, y, z) is left out, 4 for none. A component is left out
   where its sign never changes and it is never small; it is the positive root of what the others leave of 1.
 - the other components as whole numbers in steps of ``1 / (2 ** (bits - 1) - 1)``, a track a component; ``bits`` depends
-  on how far the body reaches beyond the joint.
+  on how far the body, and what it carries, reaches beyond the joint.
 - the positions of the joints that move against their parents, the root first, in whole steps of ``STEP`` metres.
 
 Every track is its second differences over time (what comes before the first frame counts as 0), with the sign in the

@@ -203,13 +203,16 @@ def _encode(parts: list[tuple[Array, Array, Array]]) -> str:
     return base64.b64encode(pack_block(parts)).decode("ascii")
 
 
-def joint_reaches(skeleton: Skeleton, figure: Figure) -> Array:
-    """Return how far a body reaches beyond each of its joints [m]. Shape (J,)."""
+def joint_reaches(skeleton: Skeleton, figure: Figure, held: Array | None = None) -> Array:
+    """Return how far a body, and what it holds (``PROP``), reaches beyond each of its joints [m]. Shape (J,)."""
     reaches = np.zeros(skeleton.joint_count)
     ends = np.maximum(
         np.linalg.norm(figure.capsule_starts, axis=1), np.linalg.norm(figure.capsule_ends, axis=1)
     ) + np.max(figure.capsule_radii, axis=1, initial=0.0)
     np.maximum.at(reaches, figure.capsule_joints, ends)
+    if held is not None:
+        ends = np.maximum(np.linalg.norm(held["start"], axis=1), np.linalg.norm(held["end"], axis=1)) + held["radius"]
+        np.maximum.at(reaches, held["joint"], ends)
     if len(skeleton.end_parents):
         np.maximum.at(reaches, skeleton.end_parents, np.linalg.norm(skeleton.end_offsets, axis=1))
     lengths = np.linalg.norm(skeleton.offsets, axis=1)
@@ -220,7 +223,12 @@ def joint_reaches(skeleton: Skeleton, figure: Figure) -> Array:
 
 
 def describe_figure(
-    skeleton: Skeleton, figure: Figure, segments: Array, moving: Sequence[int], skinned: bool = False
+    skeleton: Skeleton,
+    figure: Figure,
+    segments: Array,
+    moving: Sequence[int],
+    skinned: bool = False,
+    held: Array | None = None,
 ) -> dict[str, Any]:
     """Return a figure as the player wants it: its joints, and its capsules with the largest first.
 
@@ -230,6 +238,7 @@ def describe_figure(
         segments: Which bones each of its joints carries, see ``builds.joint_segments``. Shape (J,).
         moving: Joints whose positions are recorded.
         skinned: Whether it has a skin when it is seen from near; its capsules have hair instead of a headguard.
+        held: What avatars of this figure carry, see ``Cast.held``.
     """
     dressed, lie_on = dress(figure), figure_segments(figure)
     lengths = np.linalg.norm(dressed.capsule_ends - dressed.capsule_starts, axis=1)
@@ -244,7 +253,7 @@ def describe_figure(
         "parents": [int(parent) for parent in skeleton.parents],
         "offsets": _flat(skeleton.offsets),
         "segments": [int(segment) for segment in segments],
-        "bits": rotation_bits(joint_reaches(skeleton, dressed)).tolist(),
+        "bits": rotation_bits(joint_reaches(skeleton, dressed, held)).tolist(),
         "moving": list(moving),
         "capsules": {
             "joints": dressed.capsule_joints[order].tolist(),

@@ -162,12 +162,14 @@ class TakeMotion:
         self._present[:, 0] = np.searchsorted(self.numbers, chosen[present[:, 0]])
         self.avatars = len(self.numbers)
         self.heights = np.zeros(self.avatars)
-        self._policies = np.unique(take.cast.policies[self.numbers])
+        policies, held = take.cast.policies[self.numbers], take.cast.held
+        self._policies = np.unique(policies)
         self._figures = []
         for index in self._policies:
             database = take.policies[index].database
             segments = joint_segments(database.skeleton, database.body)
-            self._figures.append(describe_figure(database.skeleton, database.body, segments, [0], skinned=True))
+            own = held[np.isin(held["type"], take.cast.types[self.numbers[policies == index]])]
+            self._figures.append(describe_figure(database.skeleton, database.body, segments, [0], True, own))
         self.bits = [np.array(figure["bits"]) for figure in self._figures]
 
     def poses(self, start: int, stop: int) -> list[tuple[Array, Array]]:

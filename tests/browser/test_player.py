@@ -259,8 +259,8 @@ def test_what_avatars_carry_is_shown(browser, workplace, finish) -> None:
         "return found.sort((a, b) => a[0] - b[0]); })()"
     )
     assert [one[0] for one in drawn] == held.avatars.tolist() == [0, 1, 2, 3]
-    np.testing.assert_allclose([one[1:4] for one in drawn], held.starts, atol=2e-3)
-    np.testing.assert_allclose([one[5:8] for one in drawn], held.ends, atol=2e-3)
+    np.testing.assert_allclose([one[1:4] for one in drawn], held.starts, atol=1e-3)
+    np.testing.assert_allclose([one[5:8] for one in drawn], held.ends, atol=1e-3)
     assert near(picture(browser), np.array((0, 200, 0)), 60) > 100
     assert browser.console == []
 
