@@ -124,6 +124,20 @@ def waiting(results: Results) -> list[str]:
     return results.table(["whole command", "time [s]", "CPU time [s]", "memory [GB]"], rows, "render", "export")
 
 
+def layers(results: Results) -> list[str]:
+    """Return how far what pictures leave out moves bodies."""
+    figures = ("said", "p99", "p99_9", "greatest")
+    together = [f"all up to {size} cm" for size in (4, 6, 12)]
+    parts = ["pelvis", "gaze", "second deflection", "times of separation", "times of deflection",
+             "times of second deflection", "reactions of others", "deflection"]  # fmt: skip
+    rows = [
+        [name, *(results.cell(scaled(100.0), "layers", "layers", name, key) for key in figures)]
+        for name in parts + together
+    ]
+    header = ["left out, of `crowd_10k` [cm]", "said of 99 of 100", "99 of 100", "999 of 1000", "greatest"]
+    return results.table(header, rows, "layers")
+
+
 def poses(results: Results) -> list[str]:
     """Return poses and forward kinematics beside upc-pymotion."""
     get = results.cell
@@ -247,6 +261,7 @@ PERFORMANCE_TABLES: dict[str, Callable[[Results], list[str]]] = {
     "graph": graph,
     "pictures": pictures,
     "waiting": waiting,
+    "layers": layers,
     "poses": poses,
     "files": files,
     "batch": batch,

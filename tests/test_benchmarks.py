@@ -48,6 +48,10 @@ KEYS = {
         *(f"1000.{key}" for key in ("milliseconds", "stage_ms.choose", "cpu_2t_milliseconds", "cpu_all_milliseconds",
                                     "digest_equal")),
     ],
+    "layers": [
+        "avatars",
+        *(f"layers.all up to {size} cm.{key}" for size in (4, 6, 12) for key in ("p99", "p99_9", "greatest")),
+    ],
     "delivery": ["float32.seconds", "int16.seconds", "clips.seconds", "touches.strikes", "touches.within 2 cm"],
     "training": [
         "value_iteration.ratio_to_quantecon_1t", "value_iteration.ratio_to_quantecon_2t",

@@ -15,7 +15,7 @@ from crowdsim.motion.kinematics import forward_kinematics
 from crowdsim.poses.contacts import body_points
 from crowdsim.poses.kernels.columns import HEAD, TORSO
 from crowdsim.poses.kernels.reactions import FADES, LENGTH, MORE, RISE, SHARE, Blows, _response, strengthen
-from crowdsim.poses.layers.reactions import build_trunk
+from crowdsim.poses.layers.reactions import TrunksAt, build_trunk
 from crowdsim.poses.motion import prepare_motion
 
 
@@ -115,6 +115,34 @@ def test_gains_tell_how_far_a_small_blow_brings_the_head_or_the_neck() -> None:
             posed = forward_kinematics(skeleton, np.zeros((1, 3), np.float32), rotations, threads=1)
             points.append(body_points(body, *posed, np.ones(1))[0 if part == HEAD else 1][0])
         assert np.linalg.norm(points[1] - points[0]) == pytest.approx(0.1 * trunk.gains[part], rel=0.05)
+
+
+def heads(at: np.ndarray) -> TrunksAt:
+    """Bodies with heads there, (n, 3) [m], of a radius of 10 cm."""
+    none = np.full_like(at, np.nan)
+    return TrunksAt(at, none, none, none[:, None], np.ones(len(at)), np.full((len(at), 2), 0.1))
+
+
+def test_the_room_of_a_head_ends_where_it_meets_another_one() -> None:
+    rng = np.random.default_rng(4)
+    own, others = rng.uniform(-0.5, 0.5, (2, 500, 3))
+    angles = rng.uniform(0.0, 2.0 * np.pi, 500)
+    ways = np.stack([np.sin(angles), np.cos(angles)], axis=1)
+    rooms = heads(own).room(heads(others), ways)
+    between = (others - own)[:, ::2]
+    steps = np.linspace(0.0, 1.5, 1501)
+    near = np.linalg.norm(between[:, None] - steps[:, None] * ways[:, None], axis=-1) < 0.2
+    ahead = np.sum(between * ways, axis=1) > 0.0
+    met = near.any(axis=1) & ahead
+    np.testing.assert_array_equal(np.isfinite(rooms)[~met], False)
+    far = met & (np.linalg.norm(between, axis=1) > 0.2)
+    assert far.sum() > 50
+    np.testing.assert_allclose(rooms[far], steps[near.argmax(axis=1)][far], atol=1e-3 + 1e-6)
+    inside = met & (np.linalg.norm(between, axis=1) < 0.2)
+    assert inside.sum() > 5
+    assert (rooms[inside] <= 0.0).all()
+    absent = heads(np.full((1, 3), np.nan)).room(heads(np.zeros((1, 3))), np.array([[1.0, 0.0]]))
+    assert np.isinf(absent)
 
 
 def hit(gap: float, speed: float, blocked: bool = False, typical: float = 6.2) -> tuple[np.ndarray, np.ndarray, int]:

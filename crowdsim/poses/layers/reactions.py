@@ -30,6 +30,8 @@ from crowdsim.poses.motion import PoseMotion
 _EVEN, _STEEP, _MOST = (0.04, 0.085), (0.108, 0.06), (0.44, 0.36)
 """How far a typical blow brings the head, or the neck of one to the torso: whatever its impulse, by its fourth power,
 and at the most, in a body of scale 1 [m]."""
+_ROOM = 0.65
+"""How far a blow to the torso brings the neck at the most, for the room before the attacker's head."""
 _PUSH, _FURTHEST = 0.031, 0.1
 """How far a typical blow pushes the pelvis, by the square of its impulse, and at the most [m]."""
 _GUARD, _GUARD_GIVES = 0.056, 0.1
@@ -103,6 +105,21 @@ class TrunksAt(NamedTuple):
         nearer = head - self.radii[:, HEAD] < torso - self.radii[:, TORSO]
         return np.where((share < 0.0) | nearer, HEAD, TORSO)
 
+    def room(self, others: TrunksAt, ways: Array) -> Array:
+        """Return how far heads have to go over the ground to meet those of others, inf for never.
+
+        Args:
+            others: The others. n bodies.
+            ways: Where heads go, of length 1. Shape (n, 2).
+
+        Returns:
+            Shape (n,) [m].
+        """
+        between = np.nan_to_num(others.heads - self.heads, nan=1e3)
+        along, reach = np.sum(between[:, ::2] * ways, axis=1), self.radii[:, HEAD] + others.radii[:, HEAD]
+        beside = reach**2 - np.sum(between[:, ::2] ** 2, axis=1) + along**2
+        return np.where((along > 0.0) & (beside > 0.0), along - np.sqrt(np.maximum(beside, 0.0)), np.inf)
+
     def middles(self, parts: Array) -> Array:
         """Return the middle of heads, or of trunks, by ``parts`` (n,). Shape (n, 3) [m]."""
         return np.where((parts == HEAD)[:, None], self.heads, 0.5 * (self.necks + self.pelvises))
@@ -171,9 +188,9 @@ class BlowPlanner:
         near, found = self.landed.of(fresh), np.zeros(len(fresh), _FOUND)
         found["known"], found["shows"] = True, ~self._falls(near.victims, near.times)
         swings = np.where(np.isin(near.limbs, LEGS), _KICK, _SWING)
-        hit, later, striker, earlier = self._trunks_at(
-            (near.victims, near.times), (near.victims, near.times + RISE),
-            (near.attackers, near.times), (near.attackers, near.times - swings),
+        hit, later, striker, after, earlier = self._trunks_at(
+            (near.victims, near.times), (near.victims, near.times + RISE), (near.attackers, near.times),
+            (near.attackers, near.times + RISE), (near.attackers, near.times - swings),
         )  # fmt: skip
         now, before = (one.strikers[np.arange(len(fresh)), near.limbs] for one in (striker, earlier))
         # A fist pushes along its way, and away from who strikes: a hook does both.
@@ -191,6 +208,9 @@ class BlowPlanner:
         impulses *= np.where(np.isin(near.limbs, LEGS), FOOT, 1.0) * np.where(near.blocked, GUARDED, 1.0)
         reaches = np.minimum(np.take(_EVEN, parts) + np.take(_STEEP, parts) * impulses**4, np.take(_MOST, parts))
         reaches *= hit.sizes * np.where(near.blocked, GUARDED, 1.0)
+        # A fold ends before the attacker's head, which may be coming, too.
+        rooms = np.minimum(hit.room(striker, -ways), later.room(after, -ways))
+        reaches = np.where(parts == HEAD, reaches, np.minimum(reaches, np.maximum(_ROOM * rooms, 0.0)))
         # Up cross direction: rotation about it tips upright vectors in the direction. Trunks fold over what hits them.
         over = np.where(parts == HEAD, 1.0, -1.0)
         aside = np.nan_to_num(touched - hit.middles(parts))
