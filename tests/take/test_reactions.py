@@ -18,6 +18,8 @@ from crowdsim.poses.kernels.reactions import FADES, LENGTH, MORE, RISE, SHARE, B
 from crowdsim.poses.layers.reactions import TrunksAt, build_trunk
 from crowdsim.poses.motion import prepare_motion
 
+FREE = np.array([np.inf])
+
 
 def blows(times: list[float], ways: list[float], strengths: list[float]) -> Blows:
     """Blows on one avatar, along ways given by heading [rad]."""
@@ -57,31 +59,47 @@ def test_reactions_are_smooth_where_they_begin_and_end() -> None:
 
 def test_a_blow_on_a_body_that_stays_is_as_far_as_it_is_alone() -> None:
     one = blows([1.0], [0.3], [1.0])
-    np.testing.assert_allclose(strengthen(one, np.array([0.1]), np.array([0.0])), one.axes, rtol=1e-12)
+    np.testing.assert_allclose(strengthen(one, np.array([0.1]), np.array([0.0]), FREE), one.axes, rtol=1e-12)
 
 
 @pytest.mark.parametrize("own", [-0.01, -0.05, 0.02])
 def test_a_blow_outweighs_what_the_victim_comes_and_does_not_add_to_what_it_goes(own: float) -> None:
-    far = thrown(strengthen(blows([1.0], [0.3], [0.5]), np.array([0.1]), np.array([own])), 0.1)[0]
+    far = thrown(strengthen(blows([1.0], [0.3], [0.5]), np.array([0.1]), np.array([own]), FREE), 0.1)[0]
     assert far + own == pytest.approx(0.05)
 
 
 def test_no_blow_is_strengthened_without_bound_nor_vanishes() -> None:
     one, gain = blows([1.0], [0.0], [0.5]), np.array([0.1])
-    assert thrown(strengthen(one, gain, np.array([-5.0])), 0.1)[0] == pytest.approx(0.05 + MORE)
-    assert thrown(strengthen(one, gain, np.array([5.0])), 0.1)[0] == pytest.approx(0.05 * SHARE)
+    assert thrown(strengthen(one, gain, np.array([-5.0]), FREE), 0.1)[0] == pytest.approx(0.05 + MORE)
+    assert thrown(strengthen(one, gain, np.array([5.0]), FREE), 0.1)[0] == pytest.approx(0.05 * SHARE)
+
+
+def test_blows_together_bring_a_body_no_further_than_there_is_room() -> None:
+    three, gains = blows([1.0, 1.1, 1.2], [0.3] * 3, [0.8, 0.8, 0.8]), np.full(3, 0.1)
+    alone = thrown(strengthen(three, gains, np.zeros(3), np.full(3, np.inf)), 0.1)
+    close = thrown(strengthen(three, gains, np.zeros(3), np.full(3, 0.11)), 0.1)
+    highest = [
+        max(sum(_response(time - at) * far for at, far in zip(three.times, fars, strict=True) if 0 < time - at < LENGTH)
+            for time in three.times + RISE)
+        for fars in (alone, close)
+    ]  # fmt: skip
+    assert highest[0] > 0.15
+    assert highest[1] <= 0.11 + 1e-9
+    assert close[0] == alone[0]
+    passed = strengthen(three, gains, np.zeros(3), np.full(3, -1.0))
+    np.testing.assert_array_equal(passed, 0.0)
 
 
 def test_a_blow_without_a_gain_stays_as_it_is() -> None:
     one = blows([1.0], [0.3], [0.7])
-    np.testing.assert_array_equal(strengthen(one, np.array([0.0]), np.array([-0.3])), one.axes)
+    np.testing.assert_array_equal(strengthen(one, np.array([0.0]), np.array([-0.3]), FREE), one.axes)
 
 
 def test_a_blow_outweighs_the_springing_back_from_the_one_before() -> None:
-    alone, gains = np.array([0.0, 0.0]), np.full(2, 0.1)
-    same = thrown(strengthen(blows([1.0, 1.0 + RISE], [0.2, 0.2], [1.0, 0.5]), gains, alone), 0.1)
-    against = thrown(strengthen(blows([1.0, 1.0 + RISE], [0.2, 0.2 + np.pi], [1.0, 0.5]), gains, alone), 0.1)
-    apart = thrown(strengthen(blows([1.0, 1.0 + LENGTH], [0.2, 0.2], [1.0, 0.5]), gains, alone), 0.1)
+    alone, gains, free = np.array([0.0, 0.0]), np.full(2, 0.1), np.full(2, np.inf)
+    same = thrown(strengthen(blows([1.0, 1.0 + RISE], [0.2, 0.2], [1.0, 0.5]), gains, alone, free), 0.1)
+    against = thrown(strengthen(blows([1.0, 1.0 + RISE], [0.2, 0.2 + np.pi], [1.0, 0.5]), gains, alone, free), 0.1)
+    apart = thrown(strengthen(blows([1.0, 1.0 + LENGTH], [0.2, 0.2], [1.0, 0.5]), gains, alone, free), 0.1)
     assert same[1] > apart[1] + 0.01
     assert against[1] < apart[1]
     assert same[0] == against[0] == apart[0]
@@ -94,10 +112,11 @@ def test_a_blow_depends_on_those_of_the_two_lengths_before_it_alone(seed: int) -
     times = np.sort(rng.uniform(0.0, 4.0, 12))
     ways, strengths = rng.uniform(-3.0, 3.0, 12), rng.uniform(0.2, 1.5, 12)
     own, gains = rng.normal(0.0, 0.1, 12), rng.uniform(0.05, 0.15, 12)
-    whole = strengthen(blows(times.tolist(), ways.tolist(), strengths.tolist()), gains, own)
+    rooms = rng.choice([0.05, 0.1, np.inf], 12)
+    whole = strengthen(blows(times.tolist(), ways.tolist(), strengths.tolist()), gains, own, rooms)
     late = times >= times[-1] - 2.0 * LENGTH
     part = blows(times[late].tolist(), ways[late].tolist(), strengths[late].tolist())
-    np.testing.assert_array_equal(strengthen(part, gains[late], own[late])[-1], whole[-1])
+    np.testing.assert_array_equal(strengthen(part, gains[late], own[late], rooms[late])[-1], whole[-1])
 
 
 def test_gains_tell_how_far_a_small_blow_brings_the_head_or_the_neck() -> None:

@@ -77,8 +77,10 @@ def _response(since):
 
 
 @kernel
-def strengthen(blows, gains, own):
+def strengthen(blows, gains, own, rooms):
     """Return how far each blow turns its victim: so far that head or neck come as far as the blow alone brings them.
+
+    With those before it, it brings them no further than there is room.
 
     A victim may be on its way towards the attacker, or springing back from blows before. Those count as strong as they
     are themselves, or, in the first of ``ROUNDS``, as if nothing had been before them: so that a blow depends on no
@@ -89,6 +91,7 @@ def strengthen(blows, gains, own):
         gains: How far each brings head or neck with a level axis of length 1 [m]; 0 of those that stay as they are.
             Shape (E,).
         own: How far the victim's motion brings it the same way in ``RISE`` seconds [m]. Shape (E,).
+        rooms: How far all blows bring it the same way at the most, inf for any way [m]. Shape (E,).
 
     Returns:
         Their axes. Shape (E, 3).
@@ -101,14 +104,16 @@ def strengthen(blows, gains, own):
                 strength = math.sqrt(x * x + z * z)
                 if strength == 0.0 or gains[blow] == 0.0:
                     continue
-                expected = own[blow]
+                expected, there = own[blow], 0.0
                 for before in range(blows.starts[n], blow):
                     since = blows.times[blow] - blows.times[before]
                     if since < LENGTH:
-                        more = (_response(since + RISE) - _response(since)) * gains[before] / strength
-                        expected += more * (x * axes[before, 0] + z * axes[before, 2])
+                        far = (x * axes[before, 0] + z * axes[before, 2]) * gains[before] / strength
+                        expected += (_response(since + RISE) - _response(since)) * far
+                        there += _response(max(since, RISE)) * max(far, 0.0)
                 far = strength * gains[blow]
                 wanted = min(max(far - expected, SHARE * far), far + MORE)
+                wanted = min(wanted, max(rooms[blow] - there, 0.0))
                 for k in range(3):
                     stronger[blow, k] = blows.axes[blow, k] * wanted / far
         axes[:] = stronger

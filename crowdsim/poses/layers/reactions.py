@@ -30,7 +30,7 @@ from crowdsim.poses.motion import PoseMotion
 _EVEN, _STEEP, _MOST = (0.04, 0.085), (0.108, 0.06), (0.44, 0.36)
 """How far a typical blow brings the head, or the neck of one to the torso: whatever its impulse, by its fourth power,
 and at the most, in a body of scale 1 [m]."""
-_ROOM = 0.65
+_ROOM = 0.85
 """How far a blow to the torso brings the neck at the most, for the room before the attacker's head."""
 _PUSH, _FURTHEST = 0.031, 0.1
 """How far a typical blow pushes the pelvis, by the square of its impulse, and at the most [m]."""
@@ -51,10 +51,11 @@ _LIMITS = {"spine": 0.7, "chest": 0.6, "neck": 0.5, "head": 0.3}
 _FOUND = np.dtype(
     [
         ("known", np.bool_), ("shows", np.bool_), ("part", np.int64), ("gain", np.float64), ("own", np.float64),
-        ("axis", np.float64, 3), ("push", np.float64, 3), ("gloves", np.float64, (2, 3)),
+        ("room", np.float64), ("axis", np.float64, 3), ("push", np.float64, 3), ("gloves", np.float64, (2, 3)),
     ]
 )  # fmt: skip
-"""What is found of a strike, see ``Blows``, and how far its part goes for an axis of length 1, and by itself."""
+"""What is found of a strike, see ``Blows``, and how far its part goes for an axis of length 1, by itself and at the
+most."""
 _LATE = 0.35
 """How far back blows count further away [s]."""
 FallsAt = Callable[[Array, Array], Array]
@@ -178,10 +179,10 @@ class BlowPlanner:
         times = self.landed.times[near]
         order, starts = by_column(columns[self.landed.victims[near]], count, times)
         found, times = self._found[near[order]], times[order]
-        names = ("axis", "part", "push", "gloves", "gain", "own")
-        *fields, gains, own = (np.ascontiguousarray(found[name]) for name in names)
+        names = ("axis", "part", "push", "gloves", "gain", "own", "room")
+        *fields, gains, own, rooms = (np.ascontiguousarray(found[name]) for name in names)
         blows = Blows(starts, times, *fields)
-        return blows._replace(axes=strengthen(blows, gains, own))
+        return blows._replace(axes=strengthen(blows, gains, own, rooms))
 
     def find(self, fresh: Array) -> Array:
         """Return what there is to know about strikes, given by number (E,). Shape (E,)."""
@@ -210,7 +211,8 @@ class BlowPlanner:
         reaches *= hit.sizes * np.where(near.blocked, GUARDED, 1.0)
         # A fold ends before the attacker's head, which may be coming, too.
         rooms = np.minimum(hit.room(striker, -ways), later.room(after, -ways))
-        reaches = np.where(parts == HEAD, reaches, np.minimum(reaches, np.maximum(_ROOM * rooms, 0.0)))
+        found["room"] = np.where(parts == HEAD, np.inf, np.maximum(_ROOM * rooms, 0.0))
+        reaches = np.minimum(reaches, found["room"])
         # Up cross direction: rotation about it tips upright vectors in the direction. Trunks fold over what hits them.
         over = np.where(parts == HEAD, 1.0, -1.0)
         aside = np.nan_to_num(touched - hit.middles(parts))
