@@ -13,7 +13,9 @@ from crowdsim import load_scenario, open_run, read_bvh, run_to, to_clip, write_b
 from crowdsim.motion import quaternion
 from crowdsim.motion.kinematics import clip_kinematics
 from crowdsim.performer.session import perform_solo
+from crowdsim.poses.capsules import PosedBodies
 from crowdsim.poses.kernels.records import Moments
+from crowdsim.poses.outlines import find_surface
 
 SCENARIO = """version: 1
 name: two
@@ -38,6 +40,7 @@ def witness(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
         "_exported.witness",
         "_exported.run",
         "_exported.capsules",
+        "_exported.contact",
         "_exported.scenes",
         "_exported.strips",
         "_exported.table",
@@ -90,6 +93,16 @@ def test_a_run_is_read_as_the_package_has_it(
     roles = [database.body.roles[name] for name in witness.witness.JOINTS]
     for avatar, figure in enumerate(run.figures):
         np.testing.assert_allclose(figure.joints, positions[:, avatar, roles], atol=1e-5)
+    # Its skins are those that fists land on.
+    rng, (_, turns) = np.random.default_rng(3), poses.joints()
+    cast, body = take.cast, database.body
+    bodies = PosedBodies(body, np.arange(2), cast.scales, cast.girths, cast.stretches, positions[30:31], turns[30:31])
+    middles = positions[30, :, [body.roles[name] for name in ("pelvis", "chest", "head", "left_shoulder")]]
+    points = middles + rng.uniform(-0.3, 0.3, (20, *middles.shape))
+    for two in points.reshape(-1, 2, 3):
+        gaps, _ = find_surface(bodies, cast.sexes).gaps(two)
+        own = [witness.contact.above_skin(run, avatar, 30.0, two[avatar]) for avatar in range(2)]
+        np.testing.assert_allclose(own, gaps, atol=2e-4)
     # The capture behind it is the database's, mirror images included.
     np.testing.assert_allclose(run.source.figure.joints[:, 0], database.root_positions, atol=2e-3)
     report = witness.exported.measure(workplace / "run", run, 0.4)

@@ -73,8 +73,6 @@ def above_skin(run: ExportedRun, avatar: int, frame: float, point: Array) -> flo
     nearest = min(known, key=lambda one: abs(one - girth))
     shown = [PARTS.index(part) for part in ("torso", "head", "left_upper_arm", "right_upper_arm")]
     joints, face = between_frames(figure.joints, frame), unit(between_frames(figure.faces, frame))
-    right = unit(joints[JOINTS.index("right_shoulder")] - joints[JOINTS.index("left_shoulder")])
-    up = unit(joints[JOINTS.index("neck")] - joints[JOINTS.index("chest")])
     crown = unit(between_frames(figure.head, frame) - joints[JOINTS.index("head")])
     face = unit(face - crown * np.dot(face, crown))
     lines, found = list[tuple[str, Array, float]](), np.inf
@@ -83,9 +81,10 @@ def above_skin(run: ExportedRun, avatar: int, frame: float, point: Array) -> flo
         if radii not in KINDS:
             raise ValueError(f"a capsule of avatar {avatar} has radii {radii}, expected those of `KINDS`")
         lines.append((KINDS[radii], between_frames(run.capsules[avatar][:, capsule].astype(float), frame), 1.0))
-    for _, ends, _ in [line for line in lines if line[0] == "shoulders"]:
-        for end, sign, role in ((0, -1.0, "left_shoulder"), (1, 1.0, "right_shoulder")):
-            lines.append(("collar", np.stack([ends[end], joints[JOINTS.index(role)]]), sign))
+    across, along = (next(ends for kind, ends, _ in lines if kind == one) for one in ("shoulders", "chest"))
+    right, up = unit(across[1] - across[0]), unit(along[1] - along[0])
+    for end, sign, role in ((0, -1.0, "left_shoulder"), (1, 1.0, "right_shoulder")):
+        lines.append(("collar", np.stack([across[end], joints[JOINTS.index(role)]]), sign))
     for kind, ends, side in lines:
         axes, width = np.stack([right, np.cross(up, right), up]), size * girth / nearest
         if kind == "head":
