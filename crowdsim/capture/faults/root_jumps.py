@@ -10,7 +10,6 @@ from crowdsim.capture.faults.diagnosis import Diagnosis
 from crowdsim.capture.reading import Reading
 from crowdsim.core.types import Array
 from crowdsim.motion.body import HEIGHT
-from crowdsim.motion.measuring import lead_in
 
 _LEAST, _ACCELERATION = 0.08, 100.0
 """A root that departs from its course by so much in one frame [m], for a body of ``HEIGHT``, at any rate and by this
@@ -57,10 +56,7 @@ class RootJumps:
         path = reading.path * ((reading.scale or 1.0) / size)
         moves = np.diff(path, axis=0)
         excess = np.linalg.norm(moves - _course(moves), axis=1)
-        jumps = np.flatnonzero(excess > max(_LEAST, _ACCELERATION / clip.fps**2)) + 1
-        jumps = jumps[jumps > lead_in(clip, body)] if len(jumps) else jumps
-        if reading.lost is not None:
-            jumps = jumps[~(reading.lost[jumps] | reading.lost[jumps - 1])]
+        jumps = reading.in_motion(np.flatnonzero(excess > max(_LEAST, _ACCELERATION / clip.fps**2)) + 1)
         if not len(jumps):
             return None
         excess = excess[jumps - 1]
