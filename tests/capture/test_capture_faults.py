@@ -328,6 +328,18 @@ def test_walks_of_real_capture_with_faults_that_others_hide_are_found(made, moca
 
 
 @pytest.mark.mocap
+@pytest.mark.parametrize("name", ["cmu_07_06", "cmu_07_09", "cmu_07_11", "cmu_08_01", "cmu_08_05", "cmu_08_11"])
+def test_long_strides_with_a_clock_that_is_twice_too_fast_are_refused_with_about_their_rate(mocap, tmp_path, name):
+    (path,) = mocap.rglob(f"{name}.bvh")
+    clean = from_clip(load_capture(path).motion)
+    for factor in (0.6, 1.0, 1.5):
+        timed = replace(clean, fps=factor * clean.fps, frame_time=clean.frame_time / factor)
+        assert written(tmp_path, timed).findings == ()
+    (finding,) = written(tmp_path, replace(clean, fps=2.0 * clean.fps, frame_time=clean.frame_time / 2.0)).faults
+    assert int(finding.partition("of a walk do at about ")[2].split()[0]) == pytest.approx(120, rel=0.2)
+
+
+@pytest.mark.mocap
 def test_real_capture_is_free_of_false_alarms(mocap):
     found = {path.name: load_capture(path).diagnoses for path in sorted(mocap.rglob("*.bvh"))}
     assert {name: [one.diagnosis.fault for one in faults] for name, faults in found.items() if faults} == {

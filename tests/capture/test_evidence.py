@@ -87,9 +87,43 @@ def test_steps_go_as_far_for_their_time_as_those_of_people_and_twice_as_fast_hal
     assert evidence_of(replace(steps, fps=2.0 * steps.fps)).pace == pytest.approx(pace / 2.0, rel=0.03)
 
 
-def test_who_does_not_walk_has_no_pace(boxer):
-    assert evidence_of(boxer).pace is None
-    assert evidence_of(hopping(boxer, 9.81)).pace is None
+def test_a_walk_drives_the_trunk_as_that_of_people_and_twice_as_fast_four_times_as_hard(walk):
+    steps = walk.sliced(180, 480)
+    drive = evidence_of(steps).drive
+    assert 0.7 < drive < 2.5
+    for factor in (0.5, 2.0):
+        assert evidence_of(replace(steps, fps=factor * steps.fps)).drive == pytest.approx(factor**2 * drive, rel=0.1)
+
+
+def test_noise_of_the_root_is_hardly_any_drive(walk):
+    steps = walk.sliced(180, 480)
+    noise = np.random.default_rng(1).normal(scale=0.01, size=steps.root_positions.shape)
+    noisy = evidence_of(replace(steps, root_positions=steps.root_positions + noise))
+    # Without smoothing it would be more than 80 m/s^2.
+    assert noisy.drive < evidence_of(steps).drive + 1.0
+
+
+def test_a_walk_of_usual_pace_whose_trunk_is_hurled_on_has_a_wrong_clock(walk):
+    evidence = evidence_of(walk.sliced(180, 480))
+    for drive, fits in ((None, True), (5.7, True), (5.9, False)):
+        evidence.__dict__.update(pace=0.43, drive=drive, balance=None, gravity=None)
+        assert _fits(evidence.fps, evidence) == fits
+        assert _fits(2.0 * evidence.fps, evidence) == (drive is None)
+
+
+def test_who_does_not_walk_has_no_pace_and_who_walks_for_a_short_while_no_drive(boxer, walk):
+    for clip in (boxer, hopping(boxer, 9.81)):
+        assert evidence_of(clip).pace is None
+        assert evidence_of(clip).drive is None
+    stands = walk.sliced(0, 180)
+    still = np.repeat(stands.rotations[:1], 420, axis=0), np.repeat(stands.root_positions[:1], 420, axis=0)
+    partly = replace(
+        walk.sliced(0, 480),
+        rotations=np.concatenate([still[0], walk.rotations[:480]]),
+        root_positions=np.concatenate([still[1], walk.root_positions[:480]]),
+    )
+    assert evidence_of(partly).pace is not None
+    assert evidence_of(partly).drive is None
 
 
 def test_a_walk_or_hops_with_a_clock_that_is_twice_too_fast_are_refused_with_about_their_rate(walk, boxer, tmp_path):
