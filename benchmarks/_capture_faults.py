@@ -131,12 +131,24 @@ def tilted(degrees: float, about: float) -> Change:
     return change
 
 
-def rotated(bvh: Bvh, turn: Array) -> Bvh:
-    """Rotate the motion about the origin; the rest pose stays."""
+def tilting(degrees: float, about: float) -> Change:
+    """Let the world tilt slowly about a horizontal axis through where the clip begins, as trackers that drift do."""
+
+    def change(bvh: Bvh) -> Bvh:
+        halves = np.deg2rad(degrees) / 2.0 * np.linspace(0.0, 1.0, bvh.frame_count)
+        axis = np.array([np.cos(about), 0.0, np.sin(about)])
+        turns = np.concatenate([np.cos(halves)[:, None], np.sin(halves)[:, None] * axis], axis=1)
+        return rotated(bvh, turns, path_of(bvh, 0)[0] * np.array([1.0, 0.0, 1.0]))
+
+    return change
+
+
+def rotated(bvh: Bvh, turn: Array, about: Array | float = 0.0) -> Bvh:
+    """Rotate the motion about the origin or another point; the rest pose stays."""
     clip = to_clip(bvh)
     rotations = clip.rotations.copy()
     rotations[:, 0] = quaternion.multiply(turn, rotations[:, 0])
-    roots = quaternion.rotate(turn, clip.root_positions)
+    roots = quaternion.rotate(turn, clip.root_positions - about) + about
     moved = clip.translations
     if moved is not None:
         moved = moved.copy()
@@ -424,6 +436,8 @@ FAULTS: dict[str, tuple[str, Change]] = {
     "tilted by 10 degrees": ("tilt", tilted(10.0, 2.8)),
     "tilted by 12 degrees": ("tilt", tilted(12.0, 0.4)),
     "tilted by 25 degrees": ("tilt", tilted(25.0, 2.0)),
+    "tilts slowly by 15 degrees": ("tilt", tilting(15.0, 1.0)),
+    "tilts slowly by 25 degrees": ("tilt", tilting(25.0, 2.5)),
     "angles in radians": ("angles", angles_in(np.pi / 180.0)),
     "angles of all joints but the root in radians": ("angles", some_in_radians(False)),
     "angles of the root alone in radians": ("angles", some_in_radians(True)),

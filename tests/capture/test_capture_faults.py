@@ -99,7 +99,7 @@ def test_a_fault_is_named_and_repaired_so_that_the_motion_is_that_of_the_clean_c
     "fault",
     ["an arm was not captured", "a leg was not captured", "root without rotations",
      "root without rotations but its heading", "root keeps its height", "root rises", "root sways up and down",
-     "root goes twice as far"],
+     "root goes twice as far", "tilts slowly by 15 degrees", "tilts slowly by 25 degrees"],
 )  # fmt: skip
 def test_a_fault_without_a_sure_repair_is_named_and_not_trained_on(made, boxer, tmp_path, fault):
     capture = written(tmp_path, made_with(made, boxer, fault))
@@ -315,7 +315,10 @@ def test_a_blend_to_a_calibration_pose_at_the_end_is_left_out_and_arms_that_sink
 
 
 @pytest.mark.mocap
-@pytest.mark.parametrize("fault", ["frame rate twice as high", "root drifts", "a blend of 0.5 s from a T-pose"])
+@pytest.mark.parametrize(
+    "fault",
+    ["frame rate twice as high", "root drifts", "a blend of 0.5 s from a T-pose", "tilts slowly by 15 degrees"],
+)
 def test_walks_of_real_capture_with_faults_that_others_hide_are_found(made, mocap, tmp_path, fault):
     found = []
     for name in ("cmu_02_01", "cmu_08_10", "cmu_10_04", "cmu_12_01", "cmu_12_02"):

@@ -10,8 +10,10 @@ import pytest
 from crowdsim.bvh.io import from_clip, write_bvh
 from crowdsim.capture.evidence import gather_evidence
 from crowdsim.capture.faults.root_drift import _walking
+from crowdsim.capture.faults.tilt import _drift
 from crowdsim.capture.faults.time_base import _fits
 from crowdsim.capture.loading import load_capture
+from crowdsim.motion import quaternion
 from crowdsim.motion.body import HEIGHT
 from crowdsim.motion.measuring import measure_body
 from crowdsim.performer.session import perform
@@ -170,6 +172,37 @@ def test_feet_of_a_run_are_too_short_on_the_floor_to_show_a_drift(walk, tmp_path
     evidence.__dict__["planted"] = evidence.planted * 3.0
     assert evidence.speed > 2.5
     assert _walking(evidence) is None
+
+
+def tilting(clip, degrees: float):
+    """The clip in a world that tilts by so much from its start to its end, about a level axis."""
+    angles = np.deg2rad(degrees) * np.linspace(0.0, 1.0, clip.frame_count)
+    turns = quaternion.from_rotation_vector(angles[:, None] * np.array([0.6, 0.0, 0.8]))
+    rotations = clip.rotations.copy()
+    rotations[:, 0] = quaternion.multiply(turns, rotations[:, 0])
+    return replace(clip, rotations=rotations, root_positions=quaternion.rotate(turns, clip.root_positions))
+
+
+@pytest.mark.parametrize("degrees", [15.0, 25.0])
+def test_a_world_that_tilts_slowly_shows_in_how_far_a_body_leans(boxer, walk, degrees):
+    for clip in (boxer, walk.sliced(300, 480)):
+        assert _drift(evidence_of(clip)) < np.tan(np.deg2rad(9.0))
+        assert np.rad2deg(np.arctan(_drift(evidence_of(tilting(clip, degrees))))) == pytest.approx(degrees, abs=6.0)
+
+
+def test_a_body_that_leans_on_something_over_soles_that_stay_level_is_in_no_world_that_tilts(boxer):
+    level, leans = evidence_of(boxer), evidence_of(tilting(boxer, 15.0))
+    assert _drift(leans) > 0.0
+    feet = [leans.roles["left_foot"], leans.roles["right_foot"]]
+    away = leans.positions - leans.positions[:, feet].mean(axis=1, keepdims=True)
+    upright = level.positions[:, feet].mean(axis=1, keepdims=True)
+    assert _drift(replace(leans, positions=upright + away, tracks=level.tracks)) == 0.0
+
+
+def test_who_falls_or_is_seen_for_a_moment_is_in_no_world_that_tilts(boxer):
+    assert _drift(evidence_of(tilting(boxer.sliced(0, 110), 25.0))) == 0.0
+    fall = next(one.clip for one in perform(10.0, 1, falls=1) if "fall_left" in one.clip.name)
+    assert _drift(evidence_of(fall)) == 0.0
 
 
 def test_the_root_of_a_clean_clip_follows_the_feet_that_bear_it_and_that_of_another_clip_does_not(boxer):
