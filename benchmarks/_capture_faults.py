@@ -324,6 +324,22 @@ def other_pose(seconds: float) -> Change:
     return change
 
 
+def other_end(frames: int, root: bool) -> Change:
+    """Begin, or end where frames are negative, with poses from the middle, or with the root away by 60 % of a leg."""
+
+    def change(bvh: Bvh) -> Bvh:
+        end = slice(0, frames) if frames > 0 else slice(frames, None)
+        if root:
+            path = path_of(bvh, 0)
+            path[end, 0] += 0.6 * _leg(bvh)
+            return with_path(bvh, 0, path)
+        motion, columns, middle = bvh.motion.copy(), rotation_columns(bvh), bvh.frame_count // 2
+        motion[end, columns] = bvh.motion[middle : middle + abs(frames), columns]
+        return replace(bvh, motion=motion)
+
+    return change
+
+
 def root_rotation(heading: bool) -> Change:
     """Leave out the root's rotation, or all but its heading."""
 
@@ -417,6 +433,12 @@ FAULTS: dict[str, tuple[str, Change]] = {
     "6 rows of zeros": ("root_jumps", rows_of_zeros),
     "left and right confused for 5 frames": ("pose_jumps", sides_confused(5)),
     "poses of another time for half a second": ("pose_jumps", other_pose(0.5)),
+    "poses of another time in the first frame": ("ends", other_end(1, False)),
+    "poses of another time in the last frame": ("ends", other_end(-1, False)),
+    "poses of another time in the last 3 frames": ("ends", other_end(-3, False)),
+    "root elsewhere in the first frame": ("root_jumps", other_end(1, True)),
+    "root elsewhere in the last frame": ("root_jumps", other_end(-1, True)),
+    "root elsewhere in the first 3 frames": ("root_jumps", other_end(3, True)),
     "root held for 5 frames": ("root_held", root_held),
     "root drifts": ("root_drift", root_drifting(0.4)),
     "root drifts slowly": ("root_drift", root_drifting(0.2)),

@@ -78,7 +78,8 @@ NAMES = (
     "names of left and right exchanged in the legs", "rotations are those in the world",
     "positions are places against the root", "an arm was lost for a second", "single frames of an elbow are wrong",
     "root a quarter of a second late", "left and right confused for 5 frames",
-    "poses of another time for half a second",
+    "poses of another time for half a second", "root elsewhere in the first frame",
+    "root elsewhere in the last frame", "root elsewhere in the first 3 frames",
 )  # fmt: skip
 
 
@@ -266,6 +267,27 @@ def test_a_pose_that_jumps_parts_the_clip_where_the_root_goes_on_and_jumps_all_o
     )
     with pytest.raises(MotionError, match=r"pose_jumps: the pose jumps \d+ times"):
         usable_clips(written(tmp_path, from_clip(shuffled)))
+
+
+@pytest.mark.parametrize("end", [0, -1])
+def test_a_pose_that_is_a_little_different_in_the_first_or_the_last_frame_is_left_out(boxer, tmp_path, end):
+    roles, rotations = find_roles(boxer.skeleton), boxer.rotations.copy()
+    turned = [roles[role] for role in ("left_hip", "right_hip", "left_knee", "right_knee", "spine", "neck")]
+    turn = quaternion.from_rotation_vector(np.deg2rad([14.0, 0.0, 0.0]))
+    rotations[end, turned] = quaternion.multiply(rotations[end, turned], turn)
+    capture = written(tmp_path, from_clip(replace(boxer, rotations=rotations)))
+    count = boxer.frame_count
+    (finding,) = capture.findings
+    assert finding.startswith(f"pose_jumps: the pose jumps before frame {1 if end == 0 else count - 1} ")
+    assert capture.spans == (((1, count),) if end == 0 else ((0, count - 1),))
+    assert capture.faults == ()
+
+
+def test_a_root_that_is_elsewhere_at_an_end_is_left_out_there_and_the_rest_keeps_its_place(made, boxer, tmp_path):
+    for fault, span in (("first", (1, boxer.frame_count)), ("last", (0, boxer.frame_count - 1))):
+        capture = written(tmp_path, made_with(made, boxer, f"root elsewhere in the {fault} frame"))
+        assert capture.spans == (span,)
+        assert np.abs(capture.clip.root_positions - boxer.root_positions)[slice(*span)].max() < 0.002
 
 
 @pytest.mark.parametrize("frame_time", [1e8, 8333.0, 1e-8])
