@@ -30,7 +30,7 @@ _SWAYS, _SNAPS = 1.4, 130.0
 _WALKS, _TRIPS, _QUICK = 0.43, 0.21, 0.4
 """How far a step of a walk goes times how long it takes (``Evidence.pace``), what it is no less than [m s] where steps
 are quick, and how long such a step takes at the most [s]: shuffling has short steps, and no quick ones."""
-_DRIVES, _HURLS = 1.6, 5.8
+_DRIVES, _HURLS = 1.5, 5.5
 """How hard steps of a walk accelerate a trunk over the ground (``Evidence.drive``), and by how much they never do
 [m/s^2]."""
 _READINGS = {
