@@ -131,12 +131,24 @@ def tilted(degrees: float, about: float) -> Change:
     return change
 
 
-def rotated(bvh: Bvh, turn: Array) -> Bvh:
-    """Rotate the motion about the origin; the rest pose stays."""
+def tilting(degrees: float, about: float) -> Change:
+    """Let the world tilt slowly about a horizontal axis through where the clip begins, as trackers that drift do."""
+
+    def change(bvh: Bvh) -> Bvh:
+        halves = np.deg2rad(degrees) / 2.0 * np.linspace(0.0, 1.0, bvh.frame_count)
+        axis = np.array([np.cos(about), 0.0, np.sin(about)])
+        turns = np.concatenate([np.cos(halves)[:, None], np.sin(halves)[:, None] * axis], axis=1)
+        return rotated(bvh, turns, path_of(bvh, 0)[0] * np.array([1.0, 0.0, 1.0]))
+
+    return change
+
+
+def rotated(bvh: Bvh, turn: Array, about: Array | float = 0.0) -> Bvh:
+    """Rotate the motion about the origin or another point; the rest pose stays."""
     clip = to_clip(bvh)
     rotations = clip.rotations.copy()
     rotations[:, 0] = quaternion.multiply(turn, rotations[:, 0])
-    roots = quaternion.rotate(turn, clip.root_positions)
+    roots = quaternion.rotate(turn, clip.root_positions - about) + about
     moved = clip.translations
     if moved is not None:
         moved = moved.copy()
@@ -312,6 +324,22 @@ def other_pose(seconds: float) -> Change:
     return change
 
 
+def other_end(frames: int, root: bool) -> Change:
+    """Begin, or end where frames are negative, with poses from the middle, or with the root away by 60 % of a leg."""
+
+    def change(bvh: Bvh) -> Bvh:
+        end = slice(0, frames) if frames > 0 else slice(frames, None)
+        if root:
+            path = path_of(bvh, 0)
+            path[end, 0] += 0.6 * _leg(bvh)
+            return with_path(bvh, 0, path)
+        motion, columns, middle = bvh.motion.copy(), rotation_columns(bvh), bvh.frame_count // 2
+        motion[end, columns] = bvh.motion[middle : middle + abs(frames), columns]
+        return replace(bvh, motion=motion)
+
+    return change
+
+
 def root_rotation(heading: bool) -> Change:
     """Leave out the root's rotation, or all but its heading."""
 
@@ -405,6 +433,12 @@ FAULTS: dict[str, tuple[str, Change]] = {
     "6 rows of zeros": ("root_jumps", rows_of_zeros),
     "left and right confused for 5 frames": ("pose_jumps", sides_confused(5)),
     "poses of another time for half a second": ("pose_jumps", other_pose(0.5)),
+    "poses of another time in the first frame": ("ends", other_end(1, False)),
+    "poses of another time in the last frame": ("ends", other_end(-1, False)),
+    "poses of another time in the last 3 frames": ("ends", other_end(-3, False)),
+    "root elsewhere in the first frame": ("root_jumps", other_end(1, True)),
+    "root elsewhere in the last frame": ("root_jumps", other_end(-1, True)),
+    "root elsewhere in the first 3 frames": ("root_jumps", other_end(3, True)),
     "root held for 5 frames": ("root_held", root_held),
     "root drifts": ("root_drift", root_drifting(0.4)),
     "root drifts slowly": ("root_drift", root_drifting(0.2)),
@@ -424,6 +458,8 @@ FAULTS: dict[str, tuple[str, Change]] = {
     "tilted by 10 degrees": ("tilt", tilted(10.0, 2.8)),
     "tilted by 12 degrees": ("tilt", tilted(12.0, 0.4)),
     "tilted by 25 degrees": ("tilt", tilted(25.0, 2.0)),
+    "tilts slowly by 15 degrees": ("tilt", tilting(15.0, 1.0)),
+    "tilts slowly by 25 degrees": ("tilt", tilting(25.0, 2.5)),
     "angles in radians": ("angles", angles_in(np.pi / 180.0)),
     "angles of all joints but the root in radians": ("angles", some_in_radians(False)),
     "angles of the root alone in radians": ("angles", some_in_radians(True)),

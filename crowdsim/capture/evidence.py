@@ -39,6 +39,9 @@ _STANCE, _LEAVES, _STANCES = 8, 0.1, 4
 _STRIDE, _LIKE, _STEADY, _STEPS = 0.3, (0.6, 1.6), 1.3, 3
 """How far feet get from one another in steps of a walk, at the least [m]; how far the root goes meanwhile, as shares of
 that; how much more than the lower quartile the upper one of a steady walk is, at the most; and steps that suffice."""
+_MOSTLY, _CUSHIONS = 0.4, 0.1
+"""Share of a clip that steps of a walk are, at the least, for it to be one, and the width of the smoothing of the
+trunk's path, as a share of the time of a step."""
 _COUNTED = 0.94
 """Share of frames that count, by the speed of the root."""
 SIDES = ("left", "right")
@@ -196,28 +199,51 @@ class Evidence:
         return float(np.sqrt(pulls / levels) * heights / frames_alone * self.fps**2)
 
     @cached_property
-    def pace(self) -> float | None:
-        """How far a step of a steady walk goes, times how long it takes [m s]; None without a steady walk.
-
-        Those who walk faster take longer steps and more of them, in one proportion: the walk ratio (Sekiya and others,
-        The invariant relationship between step length and step rate during free walking, 1996).
-        """
+    def _steps(self) -> tuple[list[tuple[int, int]], Array]:
+        """First frames of steps of a steady walk and of what follows each, and how far it goes; none without one."""
+        spans: list[tuple[int, int]] = []
+        found: list[float] = []
         if not self._travels:
-            return None
+            return spans, np.array(found)
         ways = unit(self.travel * np.array([1.0, 0.0, 1.0]))
         apart = np.sum((self.soles[:, 0] - self.soles[:, 1]) * ways, axis=1)
-        found = []
         for run in self._runs():
             root, passes = self.root[run][:, [0, 2]], np.flatnonzero(np.diff(apart[run] > 0.0)) + 1
             for start, stop in pairwise(passes):
                 way = float(np.linalg.norm(root[stop] - root[start]))
                 reach = float(np.abs(apart[run][start:stop]).max())
                 if reach > _STRIDE and _LIKE[0] * reach < way < _LIKE[1] * reach:
-                    found.append(way * (stop - start) / self.fps)
-        if len(found) < _STEPS:
+                    spans.append((run.start + int(start), run.start + int(stop)))
+                    found.append(way)
+        low, high = np.quantile(np.array(found) * np.diff(spans)[:, 0], (0.25, 0.75)) if spans else (0.0, 0.0)
+        return (spans, np.array(found)) if len(spans) >= _STEPS and high < _STEADY * low else ([], np.empty(0))
+
+    @cached_property
+    def pace(self) -> float | None:
+        """How far a step of a steady walk goes, times how long it takes [m s]; None without a steady walk.
+
+        Those who walk faster take longer steps and more of them, in one proportion: the walk ratio (Sekiya and others,
+        The invariant relationship between step length and step rate during free walking, 1996).
+        """
+        spans, found = self._steps
+        return float(np.median(found * np.diff(spans)[:, 0])) / self.fps if spans else None
+
+    @cached_property
+    def drive(self) -> float | None:
+        """How hard the trunk is accelerated over the ground in the softer steps of a steady walk [m/s^2].
+
+        Legs push a body on and brake it as it falls away from each foot, in all walks about as hard. None where steps
+        of a steady walk are not most of the clip.
+        """
+        spans, _ = self._steps
+        if sum(stop - start for start, stop in spans) < _MOSTLY * len(self.frames):
             return None
-        low, middle, high = np.quantile(found, (0.25, 0.5, 0.75))
-        return float(middle) if high < _STEADY * low else None
+        # Smoothed over a share of a step, whatever its time.
+        width = _CUSHIONS * float(np.median(np.diff(spans)))
+        pushes = self._velocity(self._velocity(self._smooth(self._trunk, width / self.fps, np.inf)))[:, [0, 2]]
+        hard = [np.mean(np.sum(pushes[max(start, 4) : stop] ** 2, axis=1)) for start, stop in spans]
+        # A root that jumps does so in few steps.
+        return float(np.sqrt(np.quantile(hard, 0.25)))
 
     @cached_property
     def _trunk(self) -> Array:

@@ -23,7 +23,14 @@ from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body, standing_height
 from crowdsim.motion.joint_tree import JointTree
 from crowdsim.motion.kinematics import clip_kinematics
-from crowdsim.motion.measuring import finite_frames, human_roles, measure_body, rests_like_a_body, sample_poses
+from crowdsim.motion.measuring import (
+    finite_frames,
+    human_roles,
+    lead_in,
+    measure_body,
+    rests_like_a_body,
+    sample_poses,
+)
 from crowdsim.motion.skeleton import Clip, Skeleton
 
 
@@ -149,6 +156,13 @@ class Reading:
         if self.body is None or not self.finite or self.clip.frame_count < 2:
             return None
         return gather_evidence(self.clip, self.body, self.lost)
+
+    def in_motion(self, frames: Array) -> Array:
+        """Return those of frames (n,) that are behind a pose held at first, and neither in nor behind lost ones."""
+        if self.body is None or not len(frames):
+            return frames
+        frames = frames[frames > lead_in(self.clip, self.body)]
+        return frames if self.lost is None else frames[~(self.lost[frames] | self.lost[frames - 1])]
 
 
 def _find_up_axis(skeleton: Skeleton, roles: dict[str, int], poses: Array) -> str | None:

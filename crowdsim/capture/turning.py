@@ -44,12 +44,16 @@ def angles_between(a: Array, b: Array) -> Array:
     return 2.0 * np.arccos(np.minimum(np.abs(dots), 1.0)) if a.shape[-1] == 4 else np.arccos(np.clip(dots, -1.0, 1.0))
 
 
+def steps_around(count: int) -> Array:
+    """Return the steps around each of so many, half of them on each side but at the ends. Shape (count, 6)."""
+    steps = np.arange(count)[:, None]
+    around = np.clip(steps - AROUND, 0, count - 1 - 2 * AROUND) + np.arange(2 * AROUND)
+    return np.asarray(around + (around >= steps))
+
+
 def pose_jumps(reading: Reading) -> Array:
     """Return the frames in which the whole pose is suddenly another one than in the frame before."""
     turns = np.stack([angles_between(way[:-1], way[1:]) for way in directions_of_bones(reading).values()], axis=1)
-    count = len(turns)
-    around = np.array([offset for offset in range(-AROUND, AROUND + 1) if offset])
-    near = turns[np.clip(np.arange(count)[:, None] + around, 0, count - 1)]
-    excess = turns - _DROPPED * np.sort(near, axis=1)[:, -2]
+    excess = turns - _DROPPED * np.sort(turns[steps_around(len(turns))], axis=1)[:, -2]
     least = max(_LEAST, _ACCELERATION / reading.clip.fps**2)
     return np.asarray(np.flatnonzero((excess > least).sum(axis=1) >= _JOINTS) + 1)

@@ -78,7 +78,8 @@ NAMES = (
     "names of left and right exchanged in the legs", "rotations are those in the world",
     "positions are places against the root", "an arm was lost for a second", "single frames of an elbow are wrong",
     "root a quarter of a second late", "left and right confused for 5 frames",
-    "poses of another time for half a second",
+    "poses of another time for half a second", "root elsewhere in the first frame",
+    "root elsewhere in the last frame", "root elsewhere in the first 3 frames",
 )  # fmt: skip
 
 
@@ -99,7 +100,7 @@ def test_a_fault_is_named_and_repaired_so_that_the_motion_is_that_of_the_clean_c
     "fault",
     ["an arm was not captured", "a leg was not captured", "root without rotations",
      "root without rotations but its heading", "root keeps its height", "root rises", "root sways up and down",
-     "root goes twice as far"],
+     "root goes twice as far", "tilts slowly by 15 degrees", "tilts slowly by 25 degrees"],
 )  # fmt: skip
 def test_a_fault_without_a_sure_repair_is_named_and_not_trained_on(made, boxer, tmp_path, fault):
     capture = written(tmp_path, made_with(made, boxer, fault))
@@ -268,6 +269,27 @@ def test_a_pose_that_jumps_parts_the_clip_where_the_root_goes_on_and_jumps_all_o
         usable_clips(written(tmp_path, from_clip(shuffled)))
 
 
+@pytest.mark.parametrize("end", [0, -1])
+def test_a_pose_that_is_a_little_different_in_the_first_or_the_last_frame_is_left_out(boxer, tmp_path, end):
+    roles, rotations = find_roles(boxer.skeleton), boxer.rotations.copy()
+    turned = [roles[role] for role in ("left_hip", "right_hip", "left_knee", "right_knee", "spine", "neck")]
+    turn = quaternion.from_rotation_vector(np.deg2rad([14.0, 0.0, 0.0]))
+    rotations[end, turned] = quaternion.multiply(rotations[end, turned], turn)
+    capture = written(tmp_path, from_clip(replace(boxer, rotations=rotations)))
+    count = boxer.frame_count
+    (finding,) = capture.findings
+    assert finding.startswith(f"pose_jumps: the pose jumps before frame {1 if end == 0 else count - 1} ")
+    assert capture.spans == (((1, count),) if end == 0 else ((0, count - 1),))
+    assert capture.faults == ()
+
+
+def test_a_root_that_is_elsewhere_at_an_end_is_left_out_there_and_the_rest_keeps_its_place(made, boxer, tmp_path):
+    for fault, span in (("first", (1, boxer.frame_count)), ("last", (0, boxer.frame_count - 1))):
+        capture = written(tmp_path, made_with(made, boxer, f"root elsewhere in the {fault} frame"))
+        assert capture.spans == (span,)
+        assert np.abs(capture.clip.root_positions - boxer.root_positions)[slice(*span)].max() < 0.002
+
+
 @pytest.mark.parametrize("frame_time", [1e8, 8333.0, 1e-8])
 def test_no_frame_time_makes_more_frames_than_a_file_has(boxer, tmp_path, frame_time):
     capture = written(tmp_path, replace(from_clip(boxer), fps=1.0 / frame_time, frame_time=frame_time))
@@ -315,7 +337,10 @@ def test_a_blend_to_a_calibration_pose_at_the_end_is_left_out_and_arms_that_sink
 
 
 @pytest.mark.mocap
-@pytest.mark.parametrize("fault", ["frame rate twice as high", "root drifts", "a blend of 0.5 s from a T-pose"])
+@pytest.mark.parametrize(
+    "fault",
+    ["frame rate twice as high", "root drifts", "a blend of 0.5 s from a T-pose", "tilts slowly by 15 degrees"],
+)
 def test_walks_of_real_capture_with_faults_that_others_hide_are_found(made, mocap, tmp_path, fault):
     found = []
     for name in ("cmu_02_01", "cmu_08_10", "cmu_10_04", "cmu_12_01", "cmu_12_02"):
@@ -325,6 +350,18 @@ def test_walks_of_real_capture_with_faults_that_others_hide_are_found(made, moca
         capture = written(tmp_path, made.FAULTS[fault][1](clean))
         found.append(capture.diagnoses[0].diagnosis.fault)
     assert found == [made.FAULTS[fault][0]] * 5
+
+
+@pytest.mark.mocap
+@pytest.mark.parametrize("name", ["cmu_07_06", "cmu_07_09", "cmu_07_11", "cmu_08_01", "cmu_08_05", "cmu_08_11"])
+def test_long_strides_with_a_clock_that_is_twice_too_fast_are_refused_with_about_their_rate(mocap, tmp_path, name):
+    (path,) = mocap.rglob(f"{name}.bvh")
+    clean = from_clip(load_capture(path).motion)
+    for factor in (0.6, 1.0, 1.5):
+        timed = replace(clean, fps=factor * clean.fps, frame_time=clean.frame_time / factor)
+        assert written(tmp_path, timed).findings == ()
+    (finding,) = written(tmp_path, replace(clean, fps=2.0 * clean.fps, frame_time=clean.frame_time / 2.0)).faults
+    assert int(finding.partition("of a walk do at about ")[2].split()[0]) == pytest.approx(120, rel=0.2)
 
 
 @pytest.mark.mocap

@@ -10,8 +10,10 @@ import pytest
 from crowdsim.bvh.io import from_clip, write_bvh
 from crowdsim.capture.evidence import gather_evidence
 from crowdsim.capture.faults.root_drift import _walking
+from crowdsim.capture.faults.tilt import _drift
 from crowdsim.capture.faults.time_base import _fits
 from crowdsim.capture.loading import load_capture
+from crowdsim.motion import quaternion
 from crowdsim.motion.body import HEIGHT
 from crowdsim.motion.measuring import measure_body
 from crowdsim.performer.session import perform
@@ -87,9 +89,50 @@ def test_steps_go_as_far_for_their_time_as_those_of_people_and_twice_as_fast_hal
     assert evidence_of(replace(steps, fps=2.0 * steps.fps)).pace == pytest.approx(pace / 2.0, rel=0.03)
 
 
-def test_who_does_not_walk_has_no_pace(boxer):
-    assert evidence_of(boxer).pace is None
-    assert evidence_of(hopping(boxer, 9.81)).pace is None
+def test_a_walk_drives_the_trunk_as_that_of_people_and_twice_as_fast_four_times_as_hard(walk):
+    steps = walk.sliced(180, 480)
+    drive = evidence_of(steps).drive
+    assert 0.7 < drive < 2.5
+    for factor in (0.5, 2.0):
+        assert evidence_of(replace(steps, fps=factor * steps.fps)).drive == pytest.approx(factor**2 * drive, rel=0.1)
+
+
+def test_noise_of_the_root_is_hardly_any_drive(walk):
+    steps = walk.sliced(180, 480)
+    noise = np.random.default_rng(1).normal(scale=0.01, size=steps.root_positions.shape)
+    noisy = evidence_of(replace(steps, root_positions=steps.root_positions + noise))
+    # Without smoothing it would be more than 80 m/s^2.
+    assert noisy.drive < evidence_of(steps).drive + 1.0
+
+
+def test_a_root_that_jumps_is_hardly_any_drive(walk):
+    steps = walk.sliced(180, 480)
+    roots = steps.root_positions.copy()
+    roots[150:, 0] += 0.5
+    assert evidence_of(replace(steps, root_positions=roots)).drive < evidence_of(steps).drive + 1.0
+
+
+def test_a_walk_of_usual_pace_whose_trunk_is_hurled_on_has_a_wrong_clock(walk):
+    evidence = evidence_of(walk.sliced(180, 480))
+    for drive, fits in ((None, True), (5.4, True), (5.6, False)):
+        evidence.__dict__.update(pace=0.43, drive=drive, balance=None, gravity=None)
+        assert _fits(evidence.fps, evidence) == fits
+        assert _fits(2.0 * evidence.fps, evidence) == (drive is None)
+
+
+def test_who_does_not_walk_has_no_pace_and_who_walks_for_a_short_while_no_drive(boxer, walk):
+    for clip in (boxer, hopping(boxer, 9.81)):
+        assert evidence_of(clip).pace is None
+        assert evidence_of(clip).drive is None
+    stands = walk.sliced(0, 180)
+    still = np.repeat(stands.rotations[:1], 420, axis=0), np.repeat(stands.root_positions[:1], 420, axis=0)
+    partly = replace(
+        walk.sliced(0, 480),
+        rotations=np.concatenate([still[0], walk.rotations[:480]]),
+        root_positions=np.concatenate([still[1], walk.root_positions[:480]]),
+    )
+    assert evidence_of(partly).pace is not None
+    assert evidence_of(partly).drive is None
 
 
 def test_a_walk_or_hops_with_a_clock_that_is_twice_too_fast_are_refused_with_about_their_rate(walk, boxer, tmp_path):
@@ -136,6 +179,37 @@ def test_feet_of_a_run_are_too_short_on_the_floor_to_show_a_drift(walk, tmp_path
     evidence.__dict__["planted"] = evidence.planted * 3.0
     assert evidence.speed > 2.5
     assert _walking(evidence) is None
+
+
+def tilting(clip, degrees: float):
+    """The clip in a world that tilts by so much from its start to its end, about a level axis."""
+    angles = np.deg2rad(degrees) * np.linspace(0.0, 1.0, clip.frame_count)
+    turns = quaternion.from_rotation_vector(angles[:, None] * np.array([0.6, 0.0, 0.8]))
+    rotations = clip.rotations.copy()
+    rotations[:, 0] = quaternion.multiply(turns, rotations[:, 0])
+    return replace(clip, rotations=rotations, root_positions=quaternion.rotate(turns, clip.root_positions))
+
+
+@pytest.mark.parametrize("degrees", [15.0, 25.0])
+def test_a_world_that_tilts_slowly_shows_in_how_far_a_body_leans(boxer, walk, degrees):
+    for clip in (boxer, walk.sliced(300, 480)):
+        assert _drift(evidence_of(clip)) < np.tan(np.deg2rad(9.0))
+        assert np.rad2deg(np.arctan(_drift(evidence_of(tilting(clip, degrees))))) == pytest.approx(degrees, abs=6.0)
+
+
+def test_a_body_that_leans_on_something_over_soles_that_stay_level_is_in_no_world_that_tilts(boxer):
+    level, leans = evidence_of(boxer), evidence_of(tilting(boxer, 15.0))
+    assert _drift(leans) > 0.0
+    feet = [leans.roles["left_foot"], leans.roles["right_foot"]]
+    away = leans.positions - leans.positions[:, feet].mean(axis=1, keepdims=True)
+    upright = level.positions[:, feet].mean(axis=1, keepdims=True)
+    assert _drift(replace(leans, positions=upright + away, tracks=level.tracks)) == 0.0
+
+
+def test_who_falls_or_is_seen_for_a_moment_is_in_no_world_that_tilts(boxer):
+    assert _drift(evidence_of(tilting(boxer.sliced(0, 110), 25.0))) == 0.0
+    fall = next(one.clip for one in perform(10.0, 1, falls=1) if "fall_left" in one.clip.name)
+    assert _drift(evidence_of(fall)) == 0.0
 
 
 def test_the_root_of_a_clean_clip_follows_the_feet_that_bear_it_and_that_of_another_clip_does_not(boxer):

@@ -9,7 +9,6 @@ import numpy as np
 from crowdsim.capture.faults.diagnosis import Diagnosis
 from crowdsim.capture.reading import Reading
 from crowdsim.capture.turning import AROUND, pose_jumps
-from crowdsim.motion.measuring import lead_in
 
 _SHORTEST = 1.0
 """What lies between two jumps for less than this time is no motion of its own [s]."""
@@ -25,14 +24,10 @@ class PoseJumps:
 
     def examine(self, reading: Reading) -> Diagnosis | None:
         """Find frames before which many joints turn at once as in no frame around."""
-        clip, body = reading.clip, reading.body
-        if body is None or not reading.finite or clip.frame_count < 2 * AROUND + 2:
+        clip = reading.clip
+        if reading.body is None or not reading.finite or clip.frame_count < 2 * AROUND + 2:
             return None
-        jumps = pose_jumps(reading)
-        jumps = jumps[jumps > lead_in(clip, body)] if len(jumps) else jumps
-        if reading.lost is not None:
-            jumps = jumps[~(reading.lost[jumps] | reading.lost[jumps - 1])]
-        jumps = np.setdiff1d(jumps, reading.cuts)
+        jumps = np.setdiff1d(reading.in_motion(pose_jumps(reading)), reading.cuts)
         if not len(jumps):
             return None
         if len(jumps) > max(4, _MOST * clip.frame_count):

@@ -8,15 +8,15 @@ import numpy as np
 
 from crowdsim.capture.faults.diagnosis import Diagnosis
 from crowdsim.capture.reading import Reading
+from crowdsim.capture.turning import AROUND, steps_around
 from crowdsim.core.types import Array
 from crowdsim.motion.body import HEIGHT
-from crowdsim.motion.measuring import lead_in
 
 _LEAST, _ACCELERATION = 0.08, 100.0
 """A root that departs from its course by so much in one frame [m], for a body of ``HEIGHT``, at any rate and by this
 acceleration [m/s^2], has jumped."""
-_AROUND = 3
-"""Frames on each side whose median is the course."""
+_END = 3
+"""Frames before the first jump, or from the last one on, that are a loss of their own."""
 _LONGEST_LOSS = 1.0
 """A jump that is undone within this time is a loss of the frames between [s]."""
 _UNDONE = 0.3
@@ -51,16 +51,13 @@ class RootJumps:
     def examine(self, reading: Reading) -> Diagnosis | None:
         """Find frames in which the root departs from its course faster than a body can."""
         body, clip = reading.body, reading.clip
-        if body is None or not reading.finite or clip.frame_count < 2 * _AROUND + 2:
+        if body is None or not reading.finite or clip.frame_count < 2 * AROUND + 2:
             return None
         size = body.height / HEIGHT
         path = reading.path * ((reading.scale or 1.0) / size)
         moves = np.diff(path, axis=0)
         excess = np.linalg.norm(moves - _course(moves), axis=1)
-        jumps = np.flatnonzero(excess > max(_LEAST, _ACCELERATION / clip.fps**2)) + 1
-        jumps = jumps[jumps > lead_in(clip, body)] if len(jumps) else jumps
-        if reading.lost is not None:
-            jumps = jumps[~(reading.lost[jumps] | reading.lost[jumps - 1])]
+        jumps = reading.in_motion(np.flatnonzero(excess > max(_LEAST, _ACCELERATION / clip.fps**2)) + 1)
         if not len(jumps):
             return None
         excess = excess[jumps - 1]
@@ -96,10 +93,7 @@ class RootJumps:
 
 def _course(moves: Array) -> Array:
     """The median of the moves around each one, itself left out. Shape (F - 1, 3)."""
-    count = len(moves)
-    around = [offset for offset in range(-_AROUND, _AROUND + 1) if offset]
-    index = np.clip(np.arange(count)[:, None] + np.array(around), 0, count - 1)
-    return np.asarray(np.median(moves[index], axis=1))
+    return np.asarray(np.median(moves[steps_around(len(moves))], axis=1))
 
 
 def _sort_out(reading: Reading, jumps: Array, path: Array) -> _Jumps:
@@ -126,7 +120,11 @@ def _sort_out(reading: Reading, jumps: Array, path: Array) -> _Jumps:
             index = back + 1
             continue
         index += 1
-        if _goes_on(clip.rotations, at):
+        if at <= _END:
+            result.lost.append((0, at - 1))
+        elif at >= clip.frame_count - _END:
+            result.lost.append((at, clip.frame_count - 1))
+        elif _goes_on(clip.rotations, at):
             result.steps.append((at, excess[at - 1]))
         else:
             result.cuts.append(at)
