@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,8 @@ from crowdsim.core.types import Array
 
 _AROUND, _MOST = 60, 1024
 """Rows before and after those asked for that are read along; and rows beyond which none are kept."""
+_ENTRIES = 20_000_000
+"""Most entries that are kept, but for those of a stretch that is asked for and the rows around it."""
 
 
 class RecentRows:
@@ -40,6 +43,18 @@ class RecentRows:
             return self._array[key]
         kept = self._kept
         if kept is None or low < kept[0] or high > kept[0] + len(kept[1]):
-            first = max(low - _AROUND, 0)
-            kept = self._kept = first, np.asarray(self._array[first : min(high + _AROUND, len(self))])
+            kept = self._kept = self._read(kept, max(low - _AROUND, 0), min(high + _AROUND, len(self)))
         return kept[1][low - kept[0] : high - kept[0]]
+
+    def _read(self, kept: tuple[int, Array] | None, first: int, stop: int) -> tuple[int, Array]:
+        """Return rows from ``first`` to ``stop``, and those beside them that are kept as far as there is room."""
+        begin, rows = kept or (first, np.empty((0, *self.shape[1:]), self.dtype))
+        end, room = begin + len(rows), _ENTRIES // max(math.prod(self.shape[1:]), 1)
+        if first > end or stop < begin:
+            return first, np.asarray(self._array[first:stop])
+        low, high = max(min(begin, first), stop - room), min(max(end, stop), first + room)
+        low, high = min(low, first), max(high, stop)
+        parts = [np.asarray(self._array[low:begin])] if low < begin else []
+        parts.append(rows[max(low - begin, 0) : high - begin])
+        parts += [np.asarray(self._array[end:high])] if high > end else []
+        return low, np.concatenate(parts)
