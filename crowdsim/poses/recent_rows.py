@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,12 @@ from crowdsim.core.types import Array
 
 _AROUND, _MOST = 60, 1024
 """Rows before and after those asked for that are read along; and rows beyond which none are kept."""
-_ENTRIES = 20_000_000
-"""Most entries that are kept, but for those of a stretch that is asked for and the rows around it."""
+_ENTRIES, _PIECE = 20_000_000, 16
+"""Most entries of an array of which all rows are kept that were read; and how many rows are read at once."""
 
 
 class RecentRows:
-    """An array that is read from disk; the rows that were read last are kept.
+    """An array that is read from disk; the rows that were read last are kept, and of one that is not too large all.
 
     Args:
         array: The array.
@@ -25,6 +26,11 @@ class RecentRows:
     def __init__(self, array: Any) -> None:
         self._array, self.shape, self.dtype = array, array.shape, array.dtype
         self._kept: tuple[int, Array] | None = None
+        self._keeps_all = math.prod(array.shape) <= _ENTRIES
+        # Memory is taken where it is written.
+        self._rows = np.empty(array.shape if self._keeps_all else 0, array.dtype)
+        self._lock = threading.Lock()
+        self._known = np.zeros(-(-len(self) // _PIECE), bool)
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -41,20 +47,18 @@ class RecentRows:
         low, high, step = key.indices(len(self))
         if step != 1 or high - low > _MOST:
             return self._array[key]
+        if self._keeps_all:
+            pieces = slice(low // _PIECE, -(-high // _PIECE))
+            if not self._known[pieces].all():
+                with self._lock:
+                    for piece in np.flatnonzero(~self._known[pieces]) + pieces.start:
+                        some = slice(piece * _PIECE, (piece + 1) * _PIECE)
+                        self._rows[some] = self._array[some]
+                        # Last, since other threads read what is known.
+                        self._known[piece] = True
+            return self._rows[low:high]
         kept = self._kept
         if kept is None or low < kept[0] or high > kept[0] + len(kept[1]):
-            kept = self._kept = self._read(kept, max(low - _AROUND, 0), min(high + _AROUND, len(self)))
+            first = max(low - _AROUND, 0)
+            kept = self._kept = first, np.asarray(self._array[first : min(high + _AROUND, len(self))])
         return kept[1][low - kept[0] : high - kept[0]]
-
-    def _read(self, kept: tuple[int, Array] | None, first: int, stop: int) -> tuple[int, Array]:
-        """Return rows from ``first`` to ``stop``, and those beside them that are kept as far as there is room."""
-        begin, rows = kept or (first, np.empty((0, *self.shape[1:]), self.dtype))
-        end, room = begin + len(rows), _ENTRIES // max(math.prod(self.shape[1:]), 1)
-        if first > end or stop < begin:
-            return first, np.asarray(self._array[first:stop])
-        low, high = max(min(begin, first), stop - room), min(max(end, stop), first + room)
-        low, high = min(low, first), max(high, stop)
-        parts = [np.asarray(self._array[low:begin])] if low < begin else []
-        parts.append(rows[max(low - begin, 0) : high - begin])
-        parts += [np.asarray(self._array[end:high])] if high > end else []
-        return low, np.concatenate(parts)

@@ -35,6 +35,7 @@ from crowdsim.poses.layers import LAYERS
 from crowdsim.poses.motion import PoseMotion, prepare_motion
 from crowdsim.poses.poser import Poser
 from crowdsim.poses.recent_rows import RecentRows
+from crowdsim.poses.together import each
 from crowdsim.poses.window import Window
 from crowdsim.poses.world import world_joints
 
@@ -195,7 +196,6 @@ class PoseSampler:
         with self._lock:
             if without not in self._posers:
                 made = Poser(self.take, self.motions, self._threads, self._reactions, without, self.poser)
-                made.landed = self.poser.landed
                 self._posers[without] = made
         return self._gathered(numbers, times, self._posers[without].sample(numbers, times))
 
@@ -274,31 +274,36 @@ class PoseSampler:
         points = np.asarray(events.point, dtype=np.float64).reshape(-1, 3)[some]
         victims = np.asarray(events.victim)[some].astype(np.int64)
         cast, attackers = self.take.cast, np.asarray(events.attacker)[some].astype(np.int64)
-        for which, motion, sizes, playback in self._placed(victims, times[some]):
-            frames, scales = np.maximum(playback.frames[0], 0), sizes[:, TRUNK]
-            heads, pelvises = (
-                ground.to_world(playback.ground[0], local[frames].astype(float) * scales[:, None])
-                for local in (motion.trunks[:, 0], motion.frames.roots)
-            )
-            body, necks = motion.body, heads + _NECK * (pelvises - heads)
-            radii = body.head_radius * scales, body.torso_radius * self.take.cast.widths[victims[which]]
-            gaps = posed_distance(points[which], heads, necks, pelvises, *radii)
-            # The record knows nothing of legs and arms.
-            unlike = np.abs(cast.stretches[[victims[which], attackers[which]]] - 1.0).sum(axis=(0, 2))
-            self._buried[some[which]] = gaps < (_NEAR + _LONG * unlike) * scales
+
+        def mark(chosen: Array) -> None:
+            for which, motion, sizes, playback in self._placed(chosen, victims, times[some]):
+                frames, scales = np.maximum(playback.frames[0], 0), sizes[:, TRUNK]
+                heads, pelvises = (
+                    ground.to_world(playback.ground[0], local[frames].astype(float) * scales[:, None])
+                    for local in (motion.trunks[:, 0], motion.frames.roots)
+                )
+                body, necks = motion.body, heads + _NECK * (pelvises - heads)
+                radii = body.head_radius * scales, body.torso_radius * self.take.cast.widths[victims[which]]
+                gaps = posed_distance(points[which], heads, necks, pelvises, *radii)
+                # The record knows nothing of legs and arms.
+                unlike = np.abs(cast.stretches[[victims[which], attackers[which]]] - 1.0).sum(axis=(0, 2))
+                self._buried[some[which]] = gaps < (_NEAR + _LONG * unlike) * scales
+
+        # Of many avatars few are needed at any time.
+        each(mark, np.array_split(np.argsort(times[some]), len(some) // _AT_ONCE + 1), self._threads)
         return bool(self._buried[some].any())
 
     def window(self, index: int, avatars: Array, times: Array) -> Window:
         """Return the stretch of the take that poses of a policy's avatars (n,), ascending, at times [s] depend on."""
         return self.poser.window(index, avatars, times)
 
-    def _placed(self, avatars: Array, times: Array) -> Iterator[tuple[Array, PoseMotion, Array, Playback]]:
-        """Return where avatars (E,) are at times (E,): which of them, their motion, sizes of bones and playback."""
-        # Of many avatars few are needed at any time.
-        for some in np.array_split(np.argsort(times), len(times) // _AT_ONCE + 1):
-            for which, policy, numbers, moments in self.poser.moments(avatars[some], times[some]):
-                window = self.poser.window(policy, numbers, moments.times, 0.0)
-                yield some[which], window.motion, window.rows.sizes[moments.columns], window.playback(moments)
+    def _placed(
+        self, some: Array, avatars: Array, times: Array
+    ) -> Iterator[tuple[Array, PoseMotion, Array, Playback]]:
+        """Return where some of avatars (E,) are at times (E,): which, their motion, sizes of bones and playback."""
+        for which, policy, numbers, moments in self.poser.moments(avatars[some], times[some]):
+            window = self.poser.window(policy, numbers, moments.times, 0.0)
+            yield some[which], window.motion, window.rows.sizes[moments.columns], window.playback(moments)
 
     def moments(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
         """Pose avatars (E,) at times (E,), each at its own.
