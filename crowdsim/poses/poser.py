@@ -24,7 +24,7 @@ from crowdsim.poses.together import each, threads_left
 from crowdsim.poses.window import Window
 
 Result = TypeVar("Result")
-POSES_AT_ONCE, _TOGETHER = 32_000, 300_000
+POSES_AT_ONCE, _TOGETHER = 64_000, 300_000
 """Most poses that layers work on at once, and most whose neighbours are posed with them at once."""
 _AROUND = 40
 """Times around those asked for at which neighbours are posed, about."""
