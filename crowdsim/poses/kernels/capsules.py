@@ -108,9 +108,11 @@ def place_ends(first, stop, positions, rotations, sizes, joints, segments, offse
         for k in range(joints.shape[0]):
             p, q, size = positions[t, n, joints[k]], rotations[t, n, joints[k]], sizes[n, segments[k]]
             for end in range(2):
-                o = offsets[end, k]
+                o, out = offsets[end, k], ends[end, t, column, k]
+                if o[0] == 0.0 and o[1] == 0.0 and o[2] == 0.0:
+                    out[0], out[1], out[2] = p[0], p[1], p[2]
+                    continue
                 x, y, z = rotate(q, o[0] * size, o[1] * size, o[2] * size)
-                out = ends[end, t, column, k]
                 out[0], out[1], out[2] = p[0] + x, p[1] + y, p[2] + z
 
 
