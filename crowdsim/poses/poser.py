@@ -63,7 +63,7 @@ class Poser:
     ) -> None:
         self.take, self.motions, self.reactions, self._threads = take, motions, reactions, threads
         self.recorded: Landed = find_landed(take) if base is None else base.recorded
-        self.landed = self.recorded if base is None else base.landed
+        self.landed: Landed = self.recorded if base is None else base.landed
         self.coarse = frozenset(kind.name for kind in kinds if times_of(kind.name) in without)
         self._places = {name: place for place, kind in enumerate(kinds) for name in _names_of(kind)}
         self.layers: dict[str, Layer] = {}

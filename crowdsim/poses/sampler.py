@@ -297,9 +297,7 @@ class PoseSampler:
         """Return the stretch of the take that poses of a policy's avatars (n,), ascending, at times [s] depend on."""
         return self.poser.window(index, avatars, times)
 
-    def _placed(
-        self, some: Array, avatars: Array, times: Array
-    ) -> Iterator[tuple[Array, PoseMotion, Array, Playback]]:
+    def _placed(self, some: Array, avatars: Array, times: Array) -> Iterator[tuple[Array, PoseMotion, Array, Playback]]:
         """Return where some of avatars (E,) are at times (E,): which, their motion, sizes of bones and playback."""
         for which, policy, numbers, moments in self.poser.moments(avatars[some], times[some]):
             window = self.poser.window(policy, numbers, moments.times, 0.0)

@@ -188,8 +188,12 @@ def _some_at_once(crowd: Crowd, look: Callable[[Array], None]) -> None:
     """Look at the moments at which anything is there, some at a time."""
     there = np.flatnonzero(np.isfinite(crowd.grounds[:, :, 0]).any(axis=1))
     size = max(1, _AT_ONCE // max(crowd.grounds.shape[1], 1))
-    pieces = [there[low : low + size] for low in range(0, len(there), size)]
-    share(len(pieces), lambda low, high: [look(piece) for piece in pieces[low:high]], least=1)
+
+    def work(low: int, high: int) -> None:
+        for first in range(low * size, high * size, size):
+            look(there[first : first + size])
+
+    share(-(-len(there) // size), work, least=1)
 
 
 def _as_before(crowd: Crowd, values: Array) -> Array:
