@@ -172,7 +172,10 @@ class PoseSampler:
         self.take = take
         self.policies, self.obstacles = tuple(policies), np.zeros(0, PART) if obstacles is None else obstacles
         self.motions = [prepare_motion(policy) for policy in policies]
-        self._buried = np.zeros(len(take.events.frame), bool)
+        events = take.events
+        self._missed = np.flatnonzero(np.isin(events.outcome, (MISSED, EVADED)) & (np.asarray(events.victim) >= 0))
+        self._missed_times = np.asarray(events.frame, dtype=np.float64)[self._missed] / take.control_rate
+        self._buried = np.zeros(len(events.frame), bool)
         self._searched: set[int] = set()
         self._lock = threading.RLock()
         self._threads, self._reactions = threads, take.reactions if reactions is None else reactions
@@ -267,16 +270,15 @@ class PoseSampler:
 
     def _mark_buried(self, first: float, last: float) -> bool:
         """Mark those of a range of times, nearly, since some others may be among them; whether there are any."""
-        events = self.take.events
-        times = np.asarray(events.frame, dtype=np.float64) / self.take.control_rate
-        missed = np.isin(np.asarray(events.outcome), (MISSED, EVADED)) & (np.asarray(events.victim) >= 0)
-        some = np.flatnonzero(missed & (times >= first) & (times < last))
-        points = np.asarray(events.point, dtype=np.float64).reshape(-1, 3)[some]
+        events, times = self.take.events, self._missed_times
+        within = (times >= first) & (times < last)
+        some, times = self._missed[within], times[within]
+        points = np.asarray(events.point).reshape(-1, 3)[some].astype(np.float64)
         victims = np.asarray(events.victim)[some].astype(np.int64)
         cast, attackers = self.take.cast, np.asarray(events.attacker)[some].astype(np.int64)
 
         def mark(chosen: Array) -> None:
-            for which, motion, sizes, playback in self._placed(chosen, victims, times[some]):
+            for which, motion, sizes, playback in self._placed(chosen, victims, times):
                 frames, scales = np.maximum(playback.frames[0], 0), sizes[:, TRUNK]
                 heads, pelvises = (
                     ground.to_world(playback.ground[0], local[frames].astype(float) * scales[:, None])
@@ -290,7 +292,7 @@ class PoseSampler:
                 self._buried[some[which]] = gaps < (_NEAR + _LONG * unlike) * scales
 
         # Of many avatars few are needed at any time.
-        each(mark, np.array_split(np.argsort(times[some]), len(some) // _AT_ONCE + 1), self._threads)
+        each(mark, np.array_split(np.argsort(times), len(some) // _AT_ONCE + 1), self._threads)
         return bool(self._buried[some].any())
 
     def window(self, index: int, avatars: Array, times: Array) -> Window:
