@@ -11,7 +11,8 @@ from crowdsim.core.types import Array
 from crowdsim.core.workers import share
 from crowdsim.motion.body import PARTS, Body
 from crowdsim.poses.builds import capsule_segments
-from crowdsim.poses.kernels.capsules import Capsules, place_ends
+from crowdsim.poses.kernels.capsules import CapsuleBody, Capsules, place_ends
+from crowdsim.poses.motion import PoseMotion
 
 _SWELLING = [PARTS.index(part) for part in ("skin", "shirt", "trunks")]
 
@@ -51,6 +52,21 @@ def trunk_capsules(body: Body) -> Array:
 def capsule_order(body: Body) -> Array:
     """Return the order of a body's capsules in which one of the pelvis, in the middle of the body, is the first."""
     return np.argsort(body.capsule_joints != body.roles["pelvis"], kind="stable")
+
+
+def capsule_body(motion: PoseMotion) -> CapsuleBody:
+    """Return the joints and capsules of the bodies of a motion, these in ``capsule_order``."""
+    body, skeleton = motion.body, motion.skeleton
+    order = capsule_order(body)
+    return CapsuleBody(
+        np.asarray(skeleton.parents, dtype=np.int64),
+        np.ascontiguousarray(skeleton.offsets, dtype=np.float32),
+        motion.segments,
+        body.capsule_joints[order],
+        capsule_segments(body)[order],
+        np.stack([body.capsule_starts[order], body.capsule_ends[order]]).astype(float),
+        np.concatenate([motion.arms.joints, motion.legs.joints]),
+    )
 
 
 def size_capsules(bodies: Sequence[PosedBodies], count: int) -> tuple[Array, Array, Array]:

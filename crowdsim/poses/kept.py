@@ -51,7 +51,7 @@ class Kept:
             with self._lock:
                 frames_missing, avatars_missing = self.missing(frames, avatars)
                 if not len(frames_missing):
-                    return np.ascontiguousarray(self._values[(frames - self._first)[:, None], avatars])
+                    return self._some(self._values, frames, avatars).copy()
             # Another thread may look for the same, and finds the same.
             self.note(frames_missing, avatars_missing, self._find(frames_missing, avatars_missing))
 
@@ -77,7 +77,9 @@ class Kept:
         """Return which of frames and avatars, both ascending, are not known all of them."""
         with self._lock:
             self._hold(int(frames[0]), int(frames[-1]) + 1)
-            known = self._known[(frames - self._first)[:, None], avatars]
+            known = self._some(self._known, frames, avatars)
+            if known.all():
+                return frames[:0], avatars[:0]
         rows = ~known.all(axis=1)
         return frames[rows], avatars[~known[rows].all(axis=0)]
 
@@ -88,6 +90,12 @@ class Kept:
             rows = frames.reshape(len(frames), -1) - self._first
             self._values[rows, avatars] = found
             self._known[rows, avatars] = True
+
+    def _some(self, values: Array, frames: Array, avatars: Array) -> Array:
+        """Return values of frames (T,) and avatars (n,), both ascending; a view where these are all that follow."""
+        first, stop = int(frames[0]) - self._first, int(frames[-1]) + 1 - self._first
+        rows = values[first:stop] if stop - first == len(frames) else values[frames - self._first]
+        return rows if len(avatars) == rows.shape[1] else rows[:, avatars]
 
     def _hold(self, low: int, high: int) -> None:
         """Make room for frames ``low`` to ``high``, and drop others where there are too many."""

@@ -87,6 +87,7 @@ class Scheduler(Protocol):
     motions: Sequence[PoseMotion]
     reactions: bool
     coarse: frozenset[str]
+    recorded: Landed
     landed: Landed
 
     @property

@@ -23,17 +23,19 @@ def near_avatars(take: TakeData, avatars: Array, first: int, stop: int) -> Array
     """
     if len(avatars) == take.avatar_count or take.avatar_count <= _FEW:
         return np.arange(take.avatar_count)
-    absent = np.asarray(take.action[first:stop]) < 0
-    x, z = (np.where(absent, np.nan, values[first:stop]) for values in (take.x, take.z))
+    there = np.asarray(take.action[first:stop]) >= 0
+    x, z = (np.asarray(values[first:stop]) for values in (take.x, take.z))
     own_x, own_z = x[:, avatars], z[:, avatars]
-    here = np.isfinite(own_x)
+    here = there[:, avatars] & np.isfinite(own_x)
     near = np.zeros(take.avatar_count, bool)
     near[avatars] = True
     if here.any():
         places = np.stack([own_x[here], own_z[here]])
         low, high = places.min(axis=1) - TOUCH, places.max(axis=1) + TOUCH
         # Comparisons with what is no number fail.
-        there = (x >= low[0]) & (x <= high[0]) & (z >= low[1]) & (z <= high[1])
+        for values, least, most in zip((x, z), low, high, strict=True):
+            there &= values >= least
+            there &= values <= most
         others = np.flatnonzero(there.any(axis=0) & ~near)
         inside = there[:, others]
         cell = max(TOUCH / 3.0, float((high - low).max()) / _MOST_CELLS)

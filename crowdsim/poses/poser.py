@@ -24,7 +24,7 @@ from crowdsim.poses.together import each, threads_left
 from crowdsim.poses.window import Window
 
 Result = TypeVar("Result")
-POSES_AT_ONCE, _TOGETHER = 32_000, 300_000
+POSES_AT_ONCE, _TOGETHER = 64_000, 300_000
 """Most poses that layers work on at once, and most whose neighbours are posed with them at once."""
 _AROUND = 40
 """Times around those asked for at which neighbours are posed, about."""
@@ -46,7 +46,8 @@ class Poser:
         kinds: The layers, in the order in which they are added.
 
     Attributes:
-        landed: Strikes that land.
+        recorded: Strikes that land by the record.
+        landed: These, and those that are found to be embedded in a body.
         coarse: Names of layers that are planned at fewer times.
     """
 
@@ -61,7 +62,8 @@ class Poser:
         kinds: Sequence[type[Layer]] = LAYERS,
     ) -> None:
         self.take, self.motions, self.reactions, self._threads = take, motions, reactions, threads
-        self.landed: Landed = find_landed(take)
+        self.recorded: Landed = find_landed(take) if base is None else base.recorded
+        self.landed: Landed = self.recorded if base is None else base.landed
         self.coarse = frozenset(kind.name for kind in kinds if times_of(kind.name) in without)
         self._places = {name: place for place, kind in enumerate(kinds) for name in _names_of(kind)}
         self.layers: dict[str, Layer] = {}

@@ -35,6 +35,7 @@ from crowdsim.poses.layers import LAYERS
 from crowdsim.poses.motion import PoseMotion, prepare_motion
 from crowdsim.poses.poser import Poser
 from crowdsim.poses.recent_rows import RecentRows
+from crowdsim.poses.together import each
 from crowdsim.poses.window import Window
 from crowdsim.poses.world import world_joints
 
@@ -171,7 +172,10 @@ class PoseSampler:
         self.take = take
         self.policies, self.obstacles = tuple(policies), np.zeros(0, PART) if obstacles is None else obstacles
         self.motions = [prepare_motion(policy) for policy in policies]
-        self._buried = np.zeros(len(take.events.frame), bool)
+        events = take.events
+        self._missed = np.flatnonzero(np.isin(events.outcome, (MISSED, EVADED)) & (np.asarray(events.victim) >= 0))
+        self._missed_times = np.asarray(events.frame, dtype=np.float64)[self._missed] / take.control_rate
+        self._buried = np.zeros(len(events.frame), bool)
         self._searched: set[int] = set()
         self._lock = threading.RLock()
         self._threads, self._reactions = threads, take.reactions if reactions is None else reactions
@@ -195,7 +199,6 @@ class PoseSampler:
         with self._lock:
             if without not in self._posers:
                 made = Poser(self.take, self.motions, self._threads, self._reactions, without, self.poser)
-                made.landed = self.poser.landed
                 self._posers[without] = made
         return self._gathered(numbers, times, self._posers[without].sample(numbers, times))
 
@@ -267,38 +270,40 @@ class PoseSampler:
 
     def _mark_buried(self, first: float, last: float) -> bool:
         """Mark those of a range of times, nearly, since some others may be among them; whether there are any."""
-        events = self.take.events
-        times = np.asarray(events.frame, dtype=np.float64) / self.take.control_rate
-        missed = np.isin(np.asarray(events.outcome), (MISSED, EVADED)) & (np.asarray(events.victim) >= 0)
-        some = np.flatnonzero(missed & (times >= first) & (times < last))
-        points = np.asarray(events.point, dtype=np.float64).reshape(-1, 3)[some]
+        events, times = self.take.events, self._missed_times
+        within = (times >= first) & (times < last)
+        some, times = self._missed[within], times[within]
+        points = np.asarray(events.point).reshape(-1, 3)[some].astype(np.float64)
         victims = np.asarray(events.victim)[some].astype(np.int64)
         cast, attackers = self.take.cast, np.asarray(events.attacker)[some].astype(np.int64)
-        for which, motion, sizes, playback in self._placed(victims, times[some]):
-            frames, scales = np.maximum(playback.frames[0], 0), sizes[:, TRUNK]
-            heads, pelvises = (
-                ground.to_world(playback.ground[0], local[frames].astype(float) * scales[:, None])
-                for local in (motion.trunks[:, 0], motion.frames.roots)
-            )
-            body, necks = motion.body, heads + _NECK * (pelvises - heads)
-            radii = body.head_radius * scales, body.torso_radius * self.take.cast.widths[victims[which]]
-            gaps = posed_distance(points[which], heads, necks, pelvises, *radii)
-            # The record knows nothing of legs and arms.
-            unlike = np.abs(cast.stretches[[victims[which], attackers[which]]] - 1.0).sum(axis=(0, 2))
-            self._buried[some[which]] = gaps < (_NEAR + _LONG * unlike) * scales
+
+        def mark(chosen: Array) -> None:
+            for which, motion, sizes, playback in self._placed(chosen, victims, times):
+                frames, scales = np.maximum(playback.frames[0], 0), sizes[:, TRUNK]
+                heads, pelvises = (
+                    ground.to_world(playback.ground[0], local[frames].astype(float) * scales[:, None])
+                    for local in (motion.trunks[:, 0], motion.frames.roots)
+                )
+                body, necks = motion.body, heads + _NECK * (pelvises - heads)
+                radii = body.head_radius * scales, body.torso_radius * self.take.cast.widths[victims[which]]
+                gaps = posed_distance(points[which], heads, necks, pelvises, *radii)
+                # The record knows nothing of legs and arms.
+                unlike = np.abs(cast.stretches[[victims[which], attackers[which]]] - 1.0).sum(axis=(0, 2))
+                self._buried[some[which]] = gaps < (_NEAR + _LONG * unlike) * scales
+
+        # Of many avatars few are needed at any time.
+        each(mark, np.array_split(np.argsort(times), len(some) // _AT_ONCE + 1), self._threads)
         return bool(self._buried[some].any())
 
     def window(self, index: int, avatars: Array, times: Array) -> Window:
         """Return the stretch of the take that poses of a policy's avatars (n,), ascending, at times [s] depend on."""
         return self.poser.window(index, avatars, times)
 
-    def _placed(self, avatars: Array, times: Array) -> Iterator[tuple[Array, PoseMotion, Array, Playback]]:
-        """Return where avatars (E,) are at times (E,): which of them, their motion, sizes of bones and playback."""
-        # Of many avatars few are needed at any time.
-        for some in np.array_split(np.argsort(times), len(times) // _AT_ONCE + 1):
-            for which, policy, numbers, moments in self.poser.moments(avatars[some], times[some]):
-                window = self.poser.window(policy, numbers, moments.times, 0.0)
-                yield some[which], window.motion, window.rows.sizes[moments.columns], window.playback(moments)
+    def _placed(self, some: Array, avatars: Array, times: Array) -> Iterator[tuple[Array, PoseMotion, Array, Playback]]:
+        """Return where some of avatars (E,) are at times (E,): which, their motion, sizes of bones and playback."""
+        for which, policy, numbers, moments in self.poser.moments(avatars[some], times[some]):
+            window = self.poser.window(policy, numbers, moments.times, 0.0)
+            yield some[which], window.motion, window.rows.sizes[moments.columns], window.playback(moments)
 
     def moments(self, avatars: Array, times: Array) -> list[tuple[Array, Body, Array, Array, Array]]:
         """Pose avatars (E,) at times (E,), each at its own.

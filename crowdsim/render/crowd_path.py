@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.core.workers import share
 
 if TYPE_CHECKING:
     from crowdsim.render.source import PoseSource
@@ -57,10 +58,15 @@ def watch(source: PoseSource) -> Crowd:
     step = max(1, round(_STEP * source.fps))
     frames = np.arange(0, max(source.frame_count, 1) - 1 + step, step).clip(max=max(source.frame_count - 1, 0))
     block = max(1, 400_000 // max(len(source.avatar_teams), 1))
-    parts = [source.ground(frames[i : i + block]).astype(np.float32) for i in range(0, len(frames), block)]
-    grounds = np.concatenate(parts)
+    grounds = np.empty((len(frames), len(source.avatar_teams), 3), np.float32)
+
+    def look(low: int, high: int) -> None:
+        for first in range(low * block, high * block, block):
+            grounds[first : first + block] = source.ground(frames[first : first + block])
+            _drop_strays(grounds[first : first + block])
+
+    share(-(-len(frames) // block), look, least=1)
     heights = np.asarray(source.avatar_heights, float)
-    _drop_strays(grounds)
     facing = _find_facing(grounds)
     things = np.stack([np.asarray(source.markers(int(frame)), float) for frame in frames])
     if things.shape[1]:
@@ -96,8 +102,9 @@ def _find_facing(grounds: Array) -> float:
     if len(flat) < 2:
         return math.pi
     x, z = (flat - flat.mean(axis=0, dtype=float)).T
+    product = np.empty(len(x))
     # Sums, not matrix products, whose rounding may depend on the threads of the library behind them.
-    xx, xz, zz = (float(np.sum(a * b)) for a, b in ((x, x), (x, z), (z, z)))
+    xx, xz, zz = (float(np.sum(np.multiply(a, b, out=product))) for a, b in ((x, x), (x, z), (z, z)))
     angle = 0.5 * math.atan2(2.0 * xz, xx - zz)
     if math.hypot(2.0 * xz, xx - zz) < 0.15 * (xx + zz):
         return math.pi

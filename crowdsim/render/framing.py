@@ -12,12 +12,13 @@ other two, and the eye moves within it so that the crowd is in the middle of the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from crowdsim.core.types import Array
+from crowdsim.core.workers import share
 from crowdsim.render.crowd_path import Crowd, between, envelope, filled, smooth
 from crowdsim.render.view import View, directions
 
@@ -76,9 +77,10 @@ def _centre(across: Array, ahead: Array) -> Array:
     # As nanmin and nanmax, in a third of their time for a few points.
     least, most = np.fmin.reduce, np.fmax.reduce
     low, high = least(across, axis=-1), most(across, axis=-1)
+    seen = np.empty(np.broadcast_shapes(across.shape, ahead.shape))
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        seen = (across - middle[..., None]) / ahead
+        np.divide(np.subtract(across, middle[..., None], out=seen), ahead, out=seen)
         right = most(seen, axis=-1) + least(seen, axis=-1) > 0.0
         low, high = np.where(right, middle, low), np.where(right, high, middle)
     return 0.5 * (low + high)
@@ -110,9 +112,8 @@ def _width_and_depth(crowd: Crowd, azimuth: float, tall: float) -> tuple[float, 
     return _extent(crowd, np.array([-cos, sin])) + 2.0 * _REACH * tall, _extent(crowd, np.array([sin, cos]))
 
 
-def _aside(crowd: Crowd, azimuth: float, tall: float) -> float:
+def _aside(crowd: Crowd, wide: float, deep: float) -> float:
     """How far ``auto`` looks aside [rad]: at one alone, and along a line of many, which would leave ground empty."""
-    wide, deep = _width_and_depth(crowd, azimuth, tall)
     seen = int(np.isfinite(crowd.grounds[:, : crowd.avatars, 0]).any(axis=0).sum())
     return _OBLIQUE if crowd.avatars == 1 or (seen > 4 and wide > _LINE * deep) else 0.0
 
@@ -131,20 +132,25 @@ def frame_crowd(crowd: Crowd, kind: str, size: tuple[int, int], field: float) ->
         kind, 0.0
     )
     tall = float(np.median(crowd.heights))
-    if kind == "auto":
-        azimuth += _aside(crowd, azimuth, tall)
     wide, deep = _width_and_depth(crowd, azimuth, tall)
+    aside = _aside(crowd, wide, deep) if kind == "auto" else 0.0
+    if aside:
+        azimuth += aside
+        wide, deep = _width_and_depth(crowd, azimuth, tall)
     elevation = _elevation(kind, wide, deep, tall, crowd.avatars)
     normals, basis, tx, ty = _sides(azimuth, elevation, size, field)
     level = np.hypot(normals[:, 0], normals[:, 2])
     reach = level[:, None] * _REACH * crowd.heights + np.maximum(normals[:, 1:2] * 1.06 * crowd.heights, 0.0)
     limits, middles = np.empty((len(crowd.grounds), 4)), np.empty(len(crowd.grounds))
-    for moments in _some_at_once(crowd):
+
+    def look(moments: Array) -> None:
         x, z = np.moveaxis(crowd.grounds[moments, :, :2].astype(float), -1, 0)
         for side, (right, _, ahead) in enumerate(normals):
             limits[moments, side] = np.nanmax(right * x + ahead * z + reach[side], axis=1)
         deep = x * basis[2, 0] + z * basis[2, 2]
         middles[moments] = 0.5 * (np.nanmin(deep, axis=1) + np.nanmax(deep, axis=1))
+
+    _some_at_once(crowd, look)
     limits, middles = _as_before(crowd, limits), _as_before(crowd, middles)
     along, least, most = _solve(envelope(limits, crowd), tx, ty, smooth(middles, crowd) - _CLOSEST * tall)
     centres = np.clip(smooth(_centres(crowd, basis, along), crowd), least, np.maximum(least, most))
@@ -163,7 +169,8 @@ def frame_crowd(crowd: Crowd, kind: str, size: tuple[int, int], field: float) ->
 def _centres(crowd: Crowd, basis: Array, along: Array) -> Array:
     """Positions of the eye to the right and up (M, 2) from which the crowd is in the middle at each moment."""
     centres = np.zeros((len(crowd.grounds), 2))
-    for moments in _some_at_once(crowd):
+
+    def look(moments: Array) -> None:
         x, z = np.moveaxis(crowd.grounds[moments, :, :2].astype(float), -1, 0)
         places = []
         for side in range(3):
@@ -172,15 +179,21 @@ def _centres(crowd: Crowd, basis: Array, along: Array) -> Array:
         right, up, ahead = places
         ahead = np.maximum(ahead - along[moments, None], 0.3)
         centres[moments, 0], centres[moments, 1] = _centre(right, ahead), _centre(up, ahead)
+
+    _some_at_once(crowd, look)
     return _as_before(crowd, centres)
 
 
-def _some_at_once(crowd: Crowd) -> Iterator[Array]:
-    """Yield the moments at which anything is there, some at a time."""
+def _some_at_once(crowd: Crowd, look: Callable[[Array], None]) -> None:
+    """Look at the moments at which anything is there, some at a time."""
     there = np.flatnonzero(np.isfinite(crowd.grounds[:, :, 0]).any(axis=1))
     size = max(1, _AT_ONCE // max(crowd.grounds.shape[1], 1))
-    for low in range(0, len(there), size):
-        yield there[low : low + size]
+
+    def work(low: int, high: int) -> None:
+        for first in range(low * size, high * size, size):
+            look(there[first : first + size])
+
+    share(-(-len(there) // size), work, least=1)
 
 
 def _as_before(crowd: Crowd, values: Array) -> Array:

@@ -6,6 +6,7 @@ import os
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from crowdsim.core.workers import limited
 from crowdsim.errors import CrowdsimError, TakeError
 from crowdsim.render.look import Look
 from crowdsim.render.source import PoseSource
@@ -97,4 +98,6 @@ class RenderOptions:
 
     def stage(self, source: PoseSource) -> Stage:
         """Return a source with everything that its pictures share; errors as of ``build_stage``."""
-        return build_stage(source, self.size, "auto" if self.camera is None else self.camera, self.look, self.shots)
+        with limited(self.thread_count):
+            camera = "auto" if self.camera is None else self.camera
+            return build_stage(source, self.size, camera, self.look, self.shots)

@@ -128,16 +128,20 @@ class TakeSource:
 
     def ground(self, frames: Array) -> Array:
         """Return the ground transforms of all avatars at some frames; NaN while absent. Shape (n, N, 3)."""
-        # The sampler keeps the rows that it has read last.
-        take = self._sampler.take
+        # The sampler keeps the rows that it has read last; all moments of a take are read once.
+        take = self._sampler.take if len(frames) == 1 else self.take
         control = np.clip(np.asarray(frames) / self.fps * take.control_rate, 0, take.frame_count - 1)
         before = np.floor(control + 1e-9).astype(np.int64)
-        after = np.minimum(before + 1, take.frame_count - 1)
-        first, stop = int(before[0]), int(after[-1]) + 1
-        rows = np.stack([np.asarray(array[first:stop], float) for array in (take.x, take.z, take.heading)], -1)
-        rows[np.asarray(take.action[first:stop]) < 0] = np.nan
         part = np.clip(control - before, 0.0, 1.0)[:, None, None]
-        low, high = rows[before - first], rows[after - first]
+        after = np.minimum(before + (part[:, 0, 0] > 0.0), take.frame_count - 1)
+        needed, where = np.unique([before, after], return_inverse=True)
+        first, stop = int(needed[0]), int(needed[-1]) + 1
+        x, z, heading, action = (
+            np.asarray(array[first:stop])[needed - first] for array in (take.x, take.z, take.heading, take.action)
+        )
+        rows = np.stack([x, z, heading], axis=-1, dtype=float)
+        rows[action < 0] = np.nan
+        low, high = rows[where.reshape(2, -1)]
         high = np.where(np.isfinite(high), high, low)
         turn = np.mod(high[..., 2] - low[..., 2] + np.pi, 2 * np.pi) - np.pi
         high = np.concatenate([high[..., :2], (low[..., 2] + turn)[..., None]], axis=-1)

@@ -10,7 +10,9 @@ import crowdsim
 from crowdsim.crowd.stances import leading_feet
 from crowdsim.motion.body import PARTS
 from crowdsim.poses.builds import capsule_segments
-from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules
+from crowdsim.poses.capsules import PosedBodies, capsule_body, capsule_order, place_capsules
+from crowdsim.poses.kernels.capsules import place_bodies
+from crowdsim.poses.kernels.records import Posed
 from crowdsim.poses.sampler import PoseSampler
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.population_metrics import measure_people
@@ -77,6 +79,22 @@ def test_capsules_of_trunk_and_limbs_are_as_thick_as_the_girth_says(take):
             half = 0.5 * np.linalg.norm(body.capsule_ends[capsule] - body.capsule_starts[capsule])
             half *= poses.stretches[n, capsule_segments(body)[capsule]]
             assert capsules.bounds[n, k] >= half * take.cast.scales[n] + radii.max()
+
+
+def test_capsules_and_limbs_of_bodies_are_placed_where_all_their_joints_in_the_world_say(take):
+    [poses] = take.sampler.sample(0, 6, 60)
+    motion, rows, columns = take.sampler.motions[0], np.array([1, 3, 4]), np.arange(len(poses.scales))[::-1].copy()
+    positions, rotations = poses.joints()
+    posed = PosedBodies(motion.body, columns, poses.scales.astype(float), poses.girths, poses.stretches,
+                        positions[rows], rotations[rows])  # fmt: skip
+    expected = place_capsules([posed], len(rows), len(columns))
+    ends = np.full((2, *expected.starts.shape), np.nan, np.float32)
+    joints = np.full((len(rows), len(columns), 4, 3, 3), np.nan, np.float32)
+    whole, body = Posed(poses.root_positions, poses.rotations), capsule_body(motion)
+    for low, high in ((0, 5), (5, 6), (6, len(rows) * len(columns))):
+        place_bodies(low, high, rows, whole, body, posed.scales, poses.stretches, columns, ends, joints)
+    np.testing.assert_array_equal(ends, np.stack([expected.starts, expected.ends]))
+    np.testing.assert_array_equal(joints[:, columns], positions[rows][:, :, body.limbs])
 
 
 def test_fists_stop_at_the_surface_of_bodies_of_all_builds(take):

@@ -10,7 +10,7 @@ from crowdsim.core.types import Array
 from crowdsim.jit import kernel
 from crowdsim.poses.kernels.columns import LOWER, MIDDLE, UPPER
 from crowdsim.poses.kernels.feet import KNEE_LEAST
-from crowdsim.poses.kernels.fists import point_arm
+from crowdsim.poses.kernels.fists import point_arm, strikes_around
 from crowdsim.poses.kernels.foot_plants import foot_freedom
 from crowdsim.poses.kernels.limb_bounds import LIMBS
 from crowdsim.poses.kernels.limb_moves import END, JOINT, MOVED
@@ -124,10 +124,32 @@ def _creep_at(offsets, time, n, foot, free, move):
 
 
 @kernel(allocates=False)
-def _freedom(deflections, time, n, limb):
-    """Return how free a hand or foot is of strikes."""
+def _is_moved(offsets, time, n, seen, until):
+    """Return whether a spline reads anything but 0 of an avatar at a time, later than those before.
+
+    Args:
+        offsets: The ``Offsets``.
+        time: The time [s].
+        n: Column of the avatar.
+        seen: Rows that were looked at.
+        until: One past the last of these that is not 0.
+
+    Returns:
+        Whether it does, and what ``seen`` and ``until`` are then.
+    """
+    before, last = math.floor(time * offsets.rate - offsets.first), offsets.values.shape[0] - 1
+    while seen <= min(max(before + 2, 0), last):
+        if offsets.values[seen, n].any():
+            until = seen + 1
+        seen += 1
+    return until > min(max(before - 1, 0), last), seen, until
+
+
+@kernel(allocates=False)
+def _freedom(deflections, first, stop, time, limb):
+    """Return how free a hand or foot is of some strikes."""
     free, lands = 1.0, FIST_LANDS if limb < 2 else FOOT_LANDS
-    for strike in range(deflections.starts[n], deflections.starts[n + 1]):
+    for strike in range(first, stop):
         if deflections.limbs[strike] == limb:
             free = min(free, 1.0 - minimum_jerk(1.0 - abs(time - deflections.times[strike]) / lands))
     return free
@@ -183,21 +205,28 @@ def bend_limbs(first, stop, moments, deflections, plants, sizes, arms, legs, pos
     for i in range(first, stop):
         n = moments.columns[i]
         at[:] = 0
+        seen = until = crept = creeps_until = 0
+        low, last = deflections.starts[n], deflections.starts[n + 1]
         for t in range(times.shape[0]):
             time, root, pose = times[t, 0 if shared else i], poses.roots[t, i], poses.rotations[t, i]
-            if not math.isfinite(root[0]):
+            moved, seen, until = _is_moved(deflections.moves, time, n, seen, until)
+            creeps, crept, creeps_until = _is_moved(deflections.creeps, time, n, crept, creeps_until)
+            if not (moved or creeps) or not math.isfinite(root[0]):
                 continue
+            low, high = strikes_around(deflections.times, low, last, time, FOOT_LANDS)
             _moves_at(deflections.moves, time, n, moves)
             # A limb that bends leaves the joints above it, and those of the other one, where they are.
             if moves[:2].any():
                 pose_chain(arms, sizes[n], root, pose, world)
             for hand in range(2):
                 if moves[hand].any():
-                    free = _freedom(deflections, time, n, hand)
+                    free = _freedom(deflections, low, high, time, hand)
                     _bend_arm(arms, hand, sizes[n], pose, world, moves[hand], free)
             posed = False
             for foot in range(2):
-                move, kicks = moves[2 + foot, END], _freedom(deflections, time, n, 2 + foot)
+                if not creeps and not moves[2 + foot].any():
+                    continue
+                move, kicks = moves[2 + foot, END], _freedom(deflections, low, high, time, 2 + foot)
                 free, at[foot] = foot_freedom(plants, n, foot, at[foot], time)
                 _creep_at(deflections.creeps, time, n, foot, free, move)
                 for k in range(3):

@@ -2,10 +2,14 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from crowdsim.core.quaternions import rotate
 from crowdsim.core.segments import nearest_on_segments
 from crowdsim.core.types import Array
 from crowdsim.jit import kernel
+from crowdsim.motion.kinematics_kernels import pose_joints
+from crowdsim.poses.kernels.stretching import stretch_limbs
 
 NEAR = 1.9
 """Distance on the ground of the middles of bodies beyond which they do not touch [m]."""
@@ -29,6 +33,28 @@ class Capsules(NamedTuple):
     radii: Array
     bounds: Array
     counts: Array
+
+
+class CapsuleBody(NamedTuple):
+    """A body of J joints and K capsules.
+
+    Attributes:
+        parents: Parent of each joint, -1 for the root. Shape (J,), int64.
+        offsets: Position of each joint in its parent's frame [m]. Shape (J, 3), float32.
+        bones: What each joint carries, see ``builds.joint_segments``. Shape (J,).
+        joints: Joint that each capsule hangs on. Shape (K,).
+        segments: Which of the bones it lies on. Shape (K,).
+        ends: Both ends of each in the joint's frame [m]. Shape (2, K, 3).
+        limbs: Upper, middle and end joint of each limb. Shape (4, 3).
+    """
+
+    parents: Array
+    offsets: Array
+    bones: Array
+    joints: Array
+    segments: Array
+    ends: Array
+    limbs: Array
 
 
 @kernel(allocates=False)
@@ -82,7 +108,61 @@ def place_ends(first, stop, positions, rotations, sizes, joints, segments, offse
         for k in range(joints.shape[0]):
             p, q, size = positions[t, n, joints[k]], rotations[t, n, joints[k]], sizes[n, segments[k]]
             for end in range(2):
-                o = offsets[end, k]
+                o, out = offsets[end, k], ends[end, t, column, k]
+                if o[0] == 0.0 and o[1] == 0.0 and o[2] == 0.0:
+                    out[0], out[1], out[2] = p[0], p[1], p[2]
+                    continue
                 x, y, z = rotate(q, o[0] * size, o[1] * size, o[2] * size)
-                out = ends[end, t, column, k]
                 out[0], out[1], out[2] = p[0] + x, p[1] + y, p[2] + z
+
+
+@kernel
+def place_bodies(first, stop, rows, poses, body, scales, stretches, columns, ends, joints):
+    """Write where ends of capsules and joints of limbs of posed bodies of one kind lie.
+
+    It is what ``place_ends`` writes of all joints in the world, without these of all bodies at once.
+
+    Args:
+        first: First of the T x n bodies at times, time by time.
+        stop: One past the last.
+        rows: Rows of the poses. Shape (T,).
+        poses: A ``Posed`` of n bodies at T times or more.
+        body: What they are, a ``CapsuleBody``.
+        scales: Size of each body. Shape (n,).
+        stretches: How long the bones of its trunk, legs and arms are for its size. Shape (n, 3).
+        columns: Column of each body. Shape (n,).
+        ends: Written [m]. Shape (2, T, N, K or more, 3), float32.
+        joints: Written: joints of limbs [m]. Shape (T, N, 4, 3, 3), float32.
+    """
+    count, most = columns.shape[0], body.parents.shape[0]
+    origins, fixed, sizes = np.zeros((count, 3), np.float32), np.empty((0, 0, 3), np.float32), np.empty((count, 3))
+    positions, rotations = np.empty((1, count, most, 3), np.float32), np.empty((1, count, most, 4), np.float32)
+    for n in range(count):
+        for k in range(3):
+            sizes[n, k] = scales[n] * stretches[n, k]
+    index = first
+    while index < stop:
+        t, low = index // count, index % count
+        high = min(count, low + stop - index)
+        index += high - low
+        some = poses.rotations[rows[t], low:high]
+        pose_joints(0, high - low, body.parents, body.offsets, origins, some, fixed, positions[0], rotations[0])
+        for n in range(low, high):
+            scale = np.float32(scales[n])
+            for j in range(most):
+                for k in range(3):
+                    positions[0, n - low, j, k] *= scale
+        stretch_limbs(0, high - low, body.parents, body.bones, stretches[low:high], positions)
+        for n in range(low, high):
+            root, places, out = poses.roots[rows[t], n], positions[0, n - low], joints[t, columns[n]]
+            for j in range(most):
+                for k in range(3):
+                    places[j, k] += root[k]
+            for limb in range(body.limbs.shape[0]):
+                for joint in range(body.limbs.shape[1]):
+                    for k in range(3):
+                        out[limb, joint, k] = places[body.limbs[limb, joint], k]
+        place_ends(
+            0, high - low, positions, rotations, sizes[low:high], body.joints, body.segments, body.ends,
+            columns[low:high], ends[:, t : t + 1],
+        )  # fmt: skip

@@ -62,7 +62,7 @@ class Landings(NamedTuple):
         times: When [s]. Shape (E,).
         hands: 0 left, 1 right. Shape (E,).
         shifts: How far the fist has to be carried then [m]. Shape (E, 3).
-        spans: How long before and after it [s]. Shape (E, 2).
+        spans: How long before and after it, at the most ``LEAN`` [s]. Shape (E, 2).
         goals: Where that brings the fist [m]. Shape (E, 3).
         stopped: Whether an arm of the victim stops it. Shape (E,), bool.
         stops: What they do not go into, see ``stops.find_stops``. Shape (E, 3, K, 9) [m].
@@ -113,11 +113,31 @@ def _weight(landings, strike, time):
     return minimum_jerk(1.0 - abs(apart) / span)
 
 
+@kernel(inline=True)
+def strikes_around(times, low, last, time, within):
+    """Return the first of strikes ``low`` to ``last`` that are around a time [s], and one past the last of these.
+
+    Args:
+        times: When each is, ascending from ``low`` on [s]. Shape (E,).
+        low: A strike before which all are too early.
+        last: One past the last strike.
+        time: The time; a later one than those for which ``low`` was found.
+        within: How far off they may be; some further ones may be among them.
+    """
+    within += 1e-6
+    while low < last and times[low] < time - within:
+        low += 1
+    high = low
+    while high < last and times[high] <= time + within:
+        high += 1
+    return low, high
+
+
 @kernel(allocates=False)
-def _weigh_strikes(landings, n, time, weights):
-    """Write the weight of the strikes of both hands at a time; return whether there are any."""
+def _weigh_strikes(landings, first, stop, time, weights):
+    """Write the weight of some strikes of both hands at a time; return whether there are any."""
     weights[:] = 0.0
-    for strike in range(landings.starts[n], landings.starts[n + 1]):
+    for strike in range(first, stop):
         weights[landings.hands[strike]] += _weight(landings, strike, time)
     return weights[0] > 0.0 or weights[1] > 0.0
 
@@ -137,17 +157,17 @@ def _share_of_stop(fist, goal, shift):
 
 
 @kernel(allocates=False)
-def _sum_shifts(landings, n, time, asked):
-    """Write how far both fists are carried at a time, from where they are."""
+def _sum_shifts(landings, first, stop, time, asked):
+    """Write how far both fists are carried at a time by some strikes, from where they are."""
     asked.shifts[:] = 0.0
-    for strike in range(landings.starts[n], landings.starts[n + 1]):
+    for strike in range(first, stop):
         weight, hand = _weight(landings, strike, time), landings.hands[strike]
         if weight > 0.0:
             if landings.stopped[strike]:
                 weight *= _share_of_stop(asked.targets[hand], landings.goals[strike], landings.shifts[strike])
             for k in range(3):
                 asked.shifts[hand, k] += weight * landings.shifts[strike, k]
-    for strike in range(landings.starts[n], landings.starts[n + 1]):
+    for strike in range(first, stop):
         apart = time - landings.times[strike]
         leaves = min(_LEAVES, landings.spans[strike, BEFORE] if apart < 0.0 else landings.spans[strike, AFTER])
         if abs(apart) < leaves:
@@ -200,14 +220,14 @@ def _out_of(fist, shift, here, there, moved, along, k):
 
 
 @kernel(allocates=False)
-def _lean_at(landings, n, time, within, lean):
-    """Write how a trunk leans at a time; return whether it does at all.
+def _lean_at(landings, first, stop, time, within, lean):
+    """Write how a trunk leans at a time for some strikes; return whether it does at all.
 
     Bumps that overlap do not add: between strikes one lean passes into the other.
     """
     lean[:] = 0.0
     rest, whole = 1.0, 0.0
-    for strike in range(landings.starts[n], landings.starts[n + 1]):
+    for strike in range(first, stop):
         apart = abs(time - landings.times[strike])
         weight = minimum_jerk(1.0 - apart / LEAN)
         if weight > 0.0 and apart <= within:
@@ -407,17 +427,19 @@ def carry_fists(first, stop, moments, landings, sizes, arms, legs, leaning, with
     shared = times.shape[1] == 1
     for i in range(first, stop):
         n = moments.columns[i]
+        low, last = landings.starts[n], landings.starts[n + 1]
         for t in range(times.shape[0]):
             time = times[t, 0 if shared else i]
-            if not math.isfinite(poses.roots[t, i, 0]):
+            low, high = strikes_around(landings.times, low, last, time, LEAN)
+            if low == high or not math.isfinite(poses.roots[t, i, 0]):
                 continue
             root, pose = poses.roots[t, i], poses.rotations[t, i]
-            leans = _lean_at(landings, n, time, within, asked.lean)
-            strikes = _weigh_strikes(landings, n, time, asked.weights)
+            leans = _lean_at(landings, low, high, time, within, asked.lean)
+            strikes = _weigh_strikes(landings, low, high, time, asked.weights)
             if strikes:
                 pose_chain(arms, sizes[n], root, pose, world)
                 _note_fists(arms, sizes[n, TRUNK], world, asked.targets, asked.wrists)
-                _sum_shifts(landings, n, time, asked)
+                _sum_shifts(landings, low, high, time, asked)
             if leans:
                 _lean_pose(legs, leaning, sizes[n], root, pose, world, asked)
             if strikes:

@@ -11,11 +11,12 @@ from crowdsim.core.workers import share
 from crowdsim.motion.body import PARTS
 from crowdsim.motion.strikers import CARRIERS
 from crowdsim.poses.capsule_weights import ride_along
-from crowdsim.poses.capsules import PosedBodies, capsule_order, place_capsules, size_capsules
+from crowdsim.poses.capsules import PosedBodies, capsule_body, capsule_order, size_capsules
 from crowdsim.poses.down_state import fallen_rows, near_fallen
 from crowdsim.poses.hits import by_column
 from crowdsim.poses.kept import Kept
 from crowdsim.poses.kernels.bending import Deflections, bend_limbs, smooth_moves
+from crowdsim.poses.kernels.capsules import Capsules, place_bodies
 from crowdsim.poses.kernels.deflection import MovingLimbs, deflect_limbs
 from crowdsim.poses.kernels.limb_bounds import LIMBS
 from crowdsim.poses.kernels.limb_moves import END, MOVED
@@ -85,6 +86,7 @@ class Deflection(Reader):
         super().__init__(poser)
         take = poser.take
         self._riding = [ride_along(motion) for motion in poser.motions]
+        self._shapes = [capsule_body(motion) for motion in poser.motions]
         self._fine = max(1, round(_RATE / take.control_rate))
         frames = max(take.frame_count - 1, 0) * self._fine + 1
         rate, shape = float(take.control_rate * self._fine), (LIMBS, MOVED, 3)
@@ -292,17 +294,15 @@ class Deflection(Reader):
         if len(near) < 2:
             return moves
         take, motions, threads = self.poser.take, self.poser.motions, self.poser.threads
-        posed = []
-        for block, bodies in zip(blocks, known.bodies, strict=True):
-            positions, rotations = block.joints(rows)
-            posed.append(bodies._replace(positions=positions, rotations=rotations))
-        capsules = place_capsules(posed, len(times), len(near), threads, known.sizes)
         frames = np.clip(np.rint(times * take.control_rate).astype(np.int64), 0, take.frame_count - 1)
         down = fallen_rows(take, motions, int(frames.min()), int(frames.max()) + 1, near)
+        # What bodies have no capsules for, or are in no block, is no number.
+        ends = np.full((2, len(times), *known.sizes[1].shape, 3), np.nan, np.float32)
+        joints = np.empty((len(times), len(near), LIMBS, 3, 3), np.float32)
         landed = self.poser.landed.between(times[0] - _LANDS, times[-1] + _LANDS)
         landed = landed.of(~landed.missed & (CARRIERS[landed.limbs] >= 0))
         limbs = MovingLimbs(
-            np.empty((len(times), len(near), LIMBS, 3, 3), np.float32),
+            joints,
             known.limbs,
             known.weights,
             _closeness(landed.attackers, CARRIERS[landed.limbs], landed.times, near, times),
@@ -310,12 +310,13 @@ class Deflection(Reader):
             np.ones((len(times), len(near), LIMBS)),
             np.ascontiguousarray(down[frames - frames.min()]),
         )
-        for block, bodies in zip(blocks, posed, strict=True):
-            motion, moments = motions[block.part.policy], block.part.moments
+        for block, bodies in zip(blocks, known.bodies, strict=True):
+            share(len(times) * len(block.which), place_bodies, rows, block.poses, self._shapes[block.part.policy],
+                  bodies.scales, bodies.stretches, block.which, ends, joints, threads=threads)  # fmt: skip
+            moments = block.part.moments
             freedom = block.part.window.free_feet(moments._replace(times=moments.times[rows]))
             limbs.freedom[:, block.which, 2:] = self.planted + (1.0 - self.planted) * freedom
-            moving = np.concatenate([motion.arms.joints, motion.legs.joints])
-            limbs.joints[:, block.which] = bodies.positions[:, :, moving]
+        capsules = Capsules(ends[0], ends[1], *known.sizes)
         order = np.argsort(capsules.starts[:, :, 0, 0], axis=1, kind="stable")
         ranks, columns = np.empty_like(order), np.searchsorted(near, asked)
         np.put_along_axis(ranks, order, np.arange(len(near))[None], axis=1)
@@ -379,7 +380,8 @@ def _closeness(struck: Array, limbs: Array, when: Array, avatars: Array, times: 
     """
     near = np.zeros((len(times), len(avatars), LIMBS))
     column = np.minimum(np.searchsorted(avatars, struck), len(avatars) - 1)
-    known = np.flatnonzero(avatars[column] == struck)
+    around = (when > times[0] - _LANDS) & (when < times[-1] + _LANDS)
+    known = np.flatnonzero((avatars[column] == struck) & around)
     if not len(known):
         return near
     limbs, which = np.unique(LIMBS * column[known] + limbs[known], return_inverse=True)

@@ -13,7 +13,6 @@ from crowdsim.motion.body import Body
 from crowdsim.motion.strikers import LEGS
 from crowdsim.poses.capsules import trunk_capsules
 from crowdsim.poses.down_state import fallen_rows
-from crowdsim.poses.hits import find_landed
 from crowdsim.poses.kept import Kept
 from crowdsim.poses.kernels.bending import FOOT_LANDS
 from crowdsim.poses.kernels.body_points import BodyPoints, place_points
@@ -60,7 +59,7 @@ class Separation(Layer):
         for index, motion in enumerate(poser.motions):
             self._radii[take.cast.policies == index] = piece_radii(motion.body)
         self._trunks, self._bodies = zip(*(trunk_points(motion) for motion in poser.motions), strict=True)
-        landed = find_landed(take)
+        landed = poser.recorded
         self._kicks = landed.of(~landed.missed & (np.isin(landed.limbs, LEGS)))
         self._radii[:, 0] *= np.asarray(take.cast.scales, float)[:, None]
         self._radii[:, 1:] *= np.asarray(take.cast.widths, float)[:, None, None]
