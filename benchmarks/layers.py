@@ -66,7 +66,7 @@ def measure(fraction: float) -> dict[str, Any]:
         moved = np.linalg.norm(joints(ran, names) - whole, axis=-1).max(axis=-1)
         there = moved[np.isfinite(moved)]
         p99, p999 = np.percentile(there, [99.0, 99.9])
-        outcome[title] = {"said": said, "p99": p99, "p99_9": p999, "greatest": there.max()}
+        outcome[title] = {"said": said, "p99": float(p99), "p99_9": float(p999), "greatest": float(there.max())}
     return {"avatars": len(whole) // len(MOMENTS), "layers": outcome}
 
 
