@@ -38,7 +38,7 @@ demo: system $(VENV)/.installed
 	@echo "Run again:   $(BIN)/crowdsim run scenarios/brawl_30.yaml --force"
 
 test: system $(VENV)/.installed-test
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not browser"
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not slow and not browser"
 
 # Slow tests run every benchmark, so they need the packages that benchmarks compare with; and Blender, where it installs.
 test-slow: system $(VENV)/.installed-bench $(VENV)/.installed-blender

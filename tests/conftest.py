@@ -4,6 +4,7 @@ import hashlib
 import os
 import shutil
 import signal
+import sys
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -14,6 +15,17 @@ from hypothesis import HealthCheck, settings
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # So it is in the background of a shell, and commands that tests interrupt would inherit it.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Tests start hundreds of processes, and each would compile the sources of the whole package again.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+# Folders of tests are in memory, where writing waits for no disk, if there is room for them and for programs.
+MEMORY = "/dev/shm"
+if os.path.isdir(MEMORY):
+    room = os.statvfs(MEMORY)
+    if room.f_bavail * room.f_frsize > 4 << 30 and not room.f_flag & os.ST_NOEXEC:
+        os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", MEMORY)
 
 settings.register_profile("ci", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 if os.environ.get("CI") == "true":
@@ -34,6 +46,11 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     compiling = ExitStack()
     compiling.enter_context(compile_ahead(NEEDED, workers))
     session.config.add_cleanup(compiling.close)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files whose few tests wait for processes: at the end they would leave a worker idle."""
+    items.sort(key=lambda item: item.path.parent.name not in ("batch", "crash"))
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ import naive_ground as ground
 import numpy as np
 from naive_legs import crosses_legs
 from naive_opponents import nearest, neighbours
-from naive_policy import action_values
+from naive_policy import action_values, move_of
 from naive_strikes import at, ball, gap_to, thrown, tolerance_of, what_is_seen
 
 from crowdsim.crowd.kernels.advance import NEARLY
@@ -209,7 +209,7 @@ def ways_to_halt(actions):
 
 def _go_on(actions, action, ways):
     """How far an action and what comes after it lead, and where."""
-    move, (far, way) = actions.displacements[action].astype(float), ways[actions.next[action]]
+    move, (far, way) = move_of(actions, action), ways[actions.next[action]]
     return float(np.hypot(*move[:2])) + far, ground.compose(move, way)
 
 
@@ -511,7 +511,7 @@ def crowding(one, action, mine, near, positions, crowd, opponent):
     rules = crowd.crowding
     left_over = min(one.phase - one.length, one.speed)
     frames = max(float(one.policy.actions.lengths[action]) - left_over, 0.0) / one.speed
-    end = ground.compose(mine, one.policy.actions.displacements[action] * [one.scale, one.scale, 1.0])
+    end = ground.compose(mine, move_of(one.policy.actions, action) * [one.scale, one.scale, 1.0])
     halt, worst = one.halt_of(action, mine), 0.0
     for other in near:
         now = positions[other.number]
@@ -577,7 +577,7 @@ def giving_way(one, action, mine, frame):
     if since > PUSHED or strength < LIGHT:
         return 0.0
     far = min(STEP * strength**2, FURTHEST) * (1.0 - since / (PUSHED + 1))
-    end = ground.compose(mine, one.policy.actions.displacements[action] * [one.scale, one.scale, 1.0])
+    end = ground.compose(mine, move_of(one.policy.actions, action) * [one.scale, one.scale, 1.0])
     along = float((end - mine)[:2] @ one.hit) / strength
     return far - abs(far - along)
 

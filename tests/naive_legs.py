@@ -4,6 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 from naive_ground import compose
+from naive_policy import move_of
 from naive_separation import distance
 
 from crowdsim.crowd.kernels.vetoes.crossed_legs import APART, WITHIN
@@ -30,13 +31,13 @@ def legs(one, action):
 
 def crosses_legs(one, action, mine, near):
     """Whether an action ends with a leg in one of a neighbour that has ended its own action."""
-    end = compose(mine, one.policy.actions.displacements[action] * [one.scale, one.scale, 1.0])
+    end = compose(mine, move_of(one.policy.actions, action) * [one.scale, one.scale, 1.0])
     own = ground.to_world(end, legs(one, action))
     for other in near:
         its = other.end()
         if np.hypot(*(its - end)[:2]) <= WITHIN:
             their = ground.to_world(its, legs(other, other.action))
-            apart = min(distance(*leg, *another) for leg in own for another in their)
-            if apart < APART * 0.5 * (one.scale + other.scale):
+            least = APART * 0.5 * (one.scale + other.scale)
+            if any(distance(*leg, *another) < least for leg in own for another in their):
                 return True
     return False

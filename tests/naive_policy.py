@@ -233,12 +233,17 @@ def _action_value(policy, behaviour, state, action, target, moving, lasts):
     velocity = moving[[0, 2]], lasts
     reward = action_reward(actions, action, target, behaviour.terms, policy.body, behaviour.discount, *velocity)
     # Values are those of a target at rest; an avatar that pursues a moving one must look ahead.
-    length, move = int(actions.lengths[action]), actions.displacements[action].astype(float)
+    length, move = int(actions.lengths[action]), move_of(actions, action)
     lead = 0.0 if sees_motion(grid) else LEAD * actions.mean_length
     moved = target + min(length + lead, lasts) * moving
     cells, shares = corners_after(grid, target, ground.to_local(move, moved[:3]), here, move, length)
     value = float(shares @ behaviour.values(int(actions.next[action]) * grid.cells + cells))
     return reward + math.pow(behaviour.discount, int(actions.lengths[action])) * value
+
+
+def move_of(actions, action):
+    """Ground transform at the end of an action. Shape (3,)."""
+    return actions.paths[actions.path_offsets[action + 1] - 1].astype(float)
 
 
 def sees_motion(grid):
@@ -258,7 +263,7 @@ def value_iteration(actions, grid, terms, body, discount, movement, backup, swee
         for k, drawn in enumerate(movement.velocities):
             vx, vz = drawn + own[[0, 2]]
             earned[a, c, k] = action_reward(actions, a, targets[c], terms, body, discount, (vx, vz), lasts)
-            end = actions.paths[actions.path_offsets[a + 1] - 1].astype(float)
+            end = move_of(actions, a)
             later = ground.to_local(end, targets[c, :3] + min(length, lasts) * np.array([vx, 0.0, vz]))
             found[a, c, k] = corners_after(grid, targets[c], later, own, end, length)
     around, shares = (np.reshape([one[part] for one in found.values()], (*earned.shape, -1)) for part in (0, 1))

@@ -118,6 +118,7 @@ def test_a_run_is_read_as_the_package_has_it(
     rows = witness.table.measure_rows("two", report)
     assert all(files and (source or not measure.source) for (_, files, source, _), measure in zip(
         rows, witness.table.MEASURES, strict=True))  # fmt: skip
+    monkeypatch.setattr(witness.strips, "TILES", 2)
     witness.strips.draw_strips(workplace / "run", workplace / "policies" / "tiny", run, report, workplace / "strips")
     kinds = {path.stem.removeprefix("run_") for path in (workplace / "strips").glob("*.png")}
     assert {"feet", "wrists", "gaze", "jumps"} <= kinds

@@ -47,11 +47,14 @@ def files_up_to(size: int) -> Iterator[None]:
     """Set the limit of file sizes of this process [bytes]."""
     resource = pytest.importorskip("resource")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    # Python writes a compiled module that is cut off as if it were whole.
+    writes, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
     try:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        sys.dont_write_bytecode = writes
 
 
 @pytest.fixture
@@ -300,14 +303,15 @@ def test_a_policy_that_another_user_has_trained_is_found(
 
 # Signals
 
-SPIN = """
-import hashlib, subprocess, sys
-once = [1]
+STUCK = """
+import ctypes, subprocess, sys
+once, mutex, system = [1], ctypes.create_string_buffer(256), ctypes.CDLL(None)
 def for_long(*_, **__):
     if once and once.pop():
         child = subprocess.Popen(["sleep", "300"], start_new_session=True)
         print("begun", child.pid, file=sys.stderr, flush=True)
-    hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1)
+    for _ in range(2):
+        system.pthread_mutex_lock(mutex)
 """
 POSING = "import crowdsim.poses.sampler as poses; poses.PoseSampler.sample = for_long"
 MEASURING = "import crowdsim.take.quality as quality; quality.measure_take = for_long"
@@ -324,12 +328,12 @@ ENCODING = "import crowdsim.render.stage as stage; stage.Stage.picture = for_lon
 def test_a_signal_ends_a_command_in_the_middle_of_a_long_stretch(
     finished: Path, number: int, code: int, stretch: str, words: tuple[str, ...]
 ) -> None:
-    """The stretch takes many minutes, in compiled code of the main thread or of another one."""
+    """The stretch never ends, in compiled code of the main thread or of another one, which waits for itself."""
     assert crowdsim("pack", str(finished), "-o", "four.zip") == 0
     Path("temporary").mkdir()
     with open("said", "w") as said:
         running = subprocess.Popen(
-            [sys.executable, "-c", f"{SPIN}{stretch}\nfrom crowdsim.cli import main; main()", *words],
+            [sys.executable, "-c", f"{STUCK}{stretch}\nfrom crowdsim.cli import main; main()", *words],
             stderr=said, env={**ENVIRONMENT, "TMPDIR": os.path.abspath("temporary")},
         )  # fmt: skip
     try:

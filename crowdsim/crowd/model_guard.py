@@ -45,13 +45,14 @@ def unguarded_rows(policy: Policy) -> Array:
 
 def drops_guard(policy: Policy) -> Array:
     """Return in which frames of a policy's motion a hand hangs that is up where it strikes. Shape (F,), bool."""
-    from scipy import ndimage
-
     database = policy.database
     lower = (database.fists[..., 1] - database.pelvises[:, None, 1]).min(axis=1)
     reach, fights = round(AROUND * database.playback_rate), np.zeros(len(lower), bool)
     for frame in database.strike_frames:
         fights[max(frame - reach, 0) : frame + reach + 1] = True
     dropped = lower < HANGS * np.median(lower[fights])
-    result: Array = ndimage.binary_opening(dropped, np.ones(round(LEAST * database.playback_rate)))
-    return result
+    # Where it begins and ceases to hang. Shape (n, 2).
+    spans = np.flatnonzero(np.diff(dropped, prepend=False, append=False)).reshape(-1, 2)
+    for first, end in spans[np.diff(spans)[:, 0] < round(LEAST * database.playback_rate)]:
+        dropped[first:end] = False
+    return np.asarray(dropped)

@@ -30,6 +30,8 @@ FACE = math.radians(70.0)
 PROFILE = 0.25
 """A face that looks smaller than this share of one seen straight on, as from behind, counts as hidden by its head."""
 _POINTS = 24
+_MARGIN = 1e-6
+"""What rounding may add to a distance [m]."""
 
 
 @dataclass(frozen=True)
@@ -95,20 +97,41 @@ def are_in_sight(points: Array, eyes: Array, shapes: Array) -> Array:
         return np.ones((len(eyes), len(points)), bool)
     start, along = shapes[:, :3], shapes[:, 3:6] - shapes[:, :3]
     way = eyes[:, None] - points
-    offset = points[:, None] - start
+    eye, body = _near_sight(points, eyes, shapes)
     # The least distance of two segments, as in Ericson's Real-Time Collision Detection, section 5.1.9.
-    a = (way * way).sum(axis=-1)[..., None]
-    b = way @ along.T
-    c = np.maximum((along * along).sum(axis=-1), 1e-12)
-    d = way @ start.T
-    d = (way * points).sum(axis=-1)[..., None] - d
-    e = (offset * along).sum(axis=-1)
+    offset = (points - start[:, None])[body]
+    a = (way * way).sum(axis=-1)[eye]
+    b = (way @ along.T)[eye, :, body]
+    c = np.maximum((along * along).sum(axis=-1), 1e-12)[body, None]
+    d = (way @ start.T)[eye, :, body]
+    d = (way * points).sum(axis=-1)[eye] - d
+    e = (offset * along[body, None]).sum(axis=-1)
     s = np.clip((b * e - c * d) / np.maximum(a * c - b * b, 1e-12), 0.0, 1.0)
     t = np.clip((b * s + e) / c, 0.0, 1.0)
     s = np.clip((b * t - d) / a, 0.0, 1.0)
     square = (offset * offset).sum(axis=-1) + s * s * a + t * t * c + 2.0 * (s * d - t * e - s * t * b)
-    radius = shapes[:, 6] + t * (shapes[:, 7] - shapes[:, 6])
-    return np.asarray((square >= radius * radius).all(axis=-1))
+    radius = shapes[body, 6, None] + t * (shapes[body, 7] - shapes[body, 6])[:, None]
+    pair, point = np.nonzero(~(square >= radius * radius))
+    seen = np.ones((len(eyes), len(points)), bool)
+    seen[eye[pair], point] = False
+    return seen
+
+
+def _near_sight(points: Array, eyes: Array, shapes: Array) -> tuple[Array, Array]:
+    """Return pairs of an eye and a capsule that may hide some of the points from it; most capsules are far aside.
+
+    All points lie in a ball, and so does each capsule: they are pairs where the way from eye to ball meets the other.
+    """
+    middle = points.mean(axis=0)
+    along = shapes[:, 3:6] - shapes[:, :3]
+    sizes = np.linalg.norm(points - middle, axis=1).max() + 0.5 * np.linalg.norm(along, axis=1)
+    sizes += shapes[:, 6:].max(axis=1) + _MARGIN
+    ways, places = eyes - middle, shapes[:, :3] + 0.5 * along - middle
+    s = np.clip(ways @ places.T / np.maximum((ways * ways).sum(axis=1), 1e-12)[:, None], 0.0, 1.0)
+    gaps = np.linalg.norm(places - s[..., None] * ways[:, None], axis=-1)
+    # What is not known of a body without a position is not that it is far.
+    eye, body = np.nonzero(~(gaps > sizes))
+    return eye, body
 
 
 def strikes_of(source: PoseSource, outcomes: Sequence[int]) -> tuple[Array, Array, Array]:

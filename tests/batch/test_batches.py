@@ -20,7 +20,7 @@ from crowdsim.runs.manifest import read_manifest, verify
 OUTPUTS = {
     "bvh": {"fps": 30},
     "ply": {"fps": 15, "every": 4, "points": 20},
-    "render": {"fps": 10, "size": [32, 24], "png": True, "contact_sheet": 2},
+    "render": {"fps": 10, "size": [32, 24], "png": True, "contact_sheet": 2, "camera": "side"},
 }
 
 
@@ -36,8 +36,8 @@ def test_a_batch_writes_what_single_commands_write(workplace: Path, scheduler: s
     assert crowdsim("run", frozen, "--out", single, "--threads", "1") == 0
     assert crowdsim("export", single, "--bvh", "--fps", "30", "--threads", "1") == 0
     assert crowdsim("export", single, "--ply", "--fps", "15", "--every", "4", "--points", "20", "--threads", "1") == 0
-    how = ["--size", "32x24", "--fps", "10", "--png", "--mp4", "--contact-sheet", "2", "--threads", "1"]
-    assert crowdsim("render", single, *how) == 0
+    how = ["--size", "32x24", "--fps", "10", "--png", "--mp4", "--contact-sheet", "2", "--camera", "side"]
+    assert crowdsim("render", single, *how, "--threads", "1") == 0
     one, other = read_manifest(run), read_manifest(single)
     assert one["files"] == other["files"]
     assert set(one["exports"]) == {"bvh", "ply", "pictures"}

@@ -547,7 +547,7 @@ def test_what_an_interrupted_command_has_posed_is_not_posed_again(
 ) -> None:
     monkeypatch.setattr(stream, "_POSES_AT_ONCE", 21)
     monkeypatch.setattr(stream, "_MANY_AVATARS", most)
-    output = GlbOutput(fps=30.0, rotations=rotations, camera="fight")
+    output = GlbOutput(fps=30.0, rotations=rotations, camera="orbit")
     for name in ("whole", "again"):
         (tmp_path / name).mkdir()
     whole = write_posed(sampler, tmp_path / "whole", [output])["glb"][0].read_bytes()

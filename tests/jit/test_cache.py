@@ -507,7 +507,8 @@ def check_commands(commands, compiled, base, folder, every):
     assert whole[1]
     for sources, place in places.items():
         for kept in place.glob("*-*") if place.is_dir() else ():
-            shutil.copytree(kept, folders._parent(sources) / kept.name)
+            if kept.is_dir():
+                shutil.copytree(kept, folders._parent(sources) / kept.name)
     assert len(files(base)) > len(commands)
     for number, path in enumerate(files(base)[::every]):
         DAMAGE["a bit flipped in the middle" if number % 2 else "cut to half"](path)

@@ -703,6 +703,7 @@ def test_a_full_disk_is_an_error_that_leaves_nothing_half_written(workplace: Pat
         "from crowdsim.runs.runner import run_to\n"
         "from pathlib import Path\n"
         "run_to(Path('warm'), load_scenario('four.yaml'), force=True)\n"
+        "sys.dont_write_bytecode = True\n"  # one that is cut off would be kept as if it were whole
         "resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv.pop(1)),) * 2)\n"
         "from crowdsim.cli import main\n"
         "main()\n"

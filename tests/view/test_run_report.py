@@ -37,6 +37,12 @@ def player_of(page: str) -> str:
     return html.unescape(re.search(r'<iframe title="[^"]*" srcdoc="([^"]*)"', page)[1])
 
 
+@pytest.fixture(autouse=True)
+def plain_camera(monkeypatch):
+    """The camera that suits a crowd, which is planned at once; what films a fight poses every strike beforehand."""
+    monkeypatch.setattr("crowdsim.render.cameras.auto._FIGHT", range(0))
+
+
 @pytest.fixture
 def run(workplace, finish):
     write_scene(workplace / "four.yaml", duration=150)
