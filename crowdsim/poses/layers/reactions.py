@@ -27,11 +27,9 @@ from crowdsim.poses.layer import Layer, Part, Scheduler
 from crowdsim.poses.limbs import chain_of
 from crowdsim.poses.motion import PoseMotion
 
-_EVEN, _STEEP, _MOST = (0.04, 0.085), (0.108, 0.06), (0.44, 0.36)
+_EVEN, _STEEP, _MOST = (0.04, 0.1), (0.108, 0.06), (0.44, 0.36)
 """How far a typical blow brings the head, or the neck of one to the torso: whatever its impulse, by its fourth power,
 and at the most, in a body of scale 1 [m]."""
-_ROOM = 0.85
-"""How far a blow to the torso brings the neck at the most, for the room before the attacker's head."""
 _PUSH, _FURTHEST = 0.031, 0.1
 """How far a typical blow pushes the pelvis, by the square of its impulse, and at the most [m]."""
 _GUARD, _GUARD_GIVES = 0.056, 0.1
@@ -209,9 +207,9 @@ class BlowPlanner:
         impulses *= np.where(np.isin(near.limbs, LEGS), FOOT, 1.0) * np.where(near.blocked, GUARDED, 1.0)
         reaches = np.minimum(np.take(_EVEN, parts) + np.take(_STEEP, parts) * impulses**4, np.take(_MOST, parts))
         reaches *= hit.sizes * np.where(near.blocked, GUARDED, 1.0)
-        # A fold ends before the attacker's head, which may be coming, too.
+        # A fold brings the neck, and the head with it, no further than to the attacker's head.
         rooms = np.minimum(hit.room(striker, -ways), later.room(after, -ways))
-        found["room"] = np.where(parts == HEAD, np.inf, np.maximum(_ROOM * rooms, 0.0))
+        found["room"] = np.where(parts == HEAD, np.inf, np.maximum(rooms, 0.0))
         reaches = np.minimum(reaches, found["room"])
         # Up cross direction: rotation about it tips upright vectors in the direction. Trunks fold over what hits them.
         over = np.where(parts == HEAD, 1.0, -1.0)
