@@ -28,7 +28,7 @@ _LEANS = np.deg2rad(9.0)
 """How far, at the least, a body that travels leans to its side in a tilted world."""
 _AHEAD = np.tan(np.deg2rad(6.5))
 """How far bodies lean ahead by themselves."""
-_DRIFTS, _LASTS, _CONTRADICTS = np.tan(np.deg2rad(10.0)), 2.0, 1.05
+_DRIFTS, _LASTS, _CONTRADICTS = np.tan(np.deg2rad(12.0)), 2.0, 1.05
 """How much further a body leans at the end than at the start in a world that tilts, the time for which it is seen [s],
 and how many times further planted soles are from a plane that tilts so than from one that does not, on a floor that is
 level for a body that leans on something."""
