@@ -39,7 +39,7 @@ _STANCE, _LEAVES, _STANCES = 8, 0.1, 4
 _STRIDE, _LIKE, _STEADY, _STEPS = 0.3, (0.6, 1.6), 1.3, 3
 """How far feet get from one another in steps of a walk, at the least [m]; how far the root goes meanwhile, as shares of
 that; how much more than the lower quartile the upper one of a steady walk is, at the most; and steps that suffice."""
-_MOSTLY, _CUSHIONS = 0.4, 0.1
+_WALKED, _SMOOTHED = 0.4, 0.1
 """Share of a clip that steps of a walk are, at the least, for it to be one, and the width of the smoothing of the
 trunk's path, as a share of the time of a step."""
 _COUNTED = 0.94
@@ -236,10 +236,10 @@ class Evidence:
         of a steady walk are not most of the clip.
         """
         spans, _ = self._steps
-        if sum(stop - start for start, stop in spans) < _MOSTLY * len(self.frames):
+        if sum(stop - start for start, stop in spans) < _WALKED * len(self.frames):
             return None
         # Smoothed over a share of a step, whatever its time.
-        width = _CUSHIONS * float(np.median(np.diff(spans)))
+        width = _SMOOTHED * float(np.median(np.diff(spans)))
         pushes = self._velocity(self._velocity(self._smooth(self._trunk, width / self.fps, np.inf)))[:, [0, 2]]
         hard = [np.mean(np.sum(pushes[max(start, 4) : stop] ** 2, axis=1)) for start, stop in spans]
         # A root that jumps does so in few steps.

@@ -129,7 +129,7 @@ def _near_sight(points: Array, eyes: Array, shapes: Array) -> tuple[Array, Array
     ways, places = eyes - middle, shapes[:, :3] + 0.5 * along - middle
     s = np.clip(ways @ places.T / np.maximum((ways * ways).sum(axis=1), 1e-12)[:, None], 0.0, 1.0)
     gaps = np.linalg.norm(places - s[..., None] * ways[:, None], axis=-1)
-    # What is not known of a body without a position is not that it is far.
+    # Capsules without a position, which are no number, count as near.
     eye, body = np.nonzero(~(gaps > sizes))
     return eye, body
 

@@ -169,7 +169,9 @@ class TakeMotion:
             database = take.policies[index].database
             segments = joint_segments(database.skeleton, database.body)
             own = held[np.isin(held["type"], take.cast.types[self.numbers[policies == index]])]
-            self._figures.append(describe_figure(database.skeleton, database.body, segments, [0], True, own))
+            self._figures.append(
+                describe_figure(database.skeleton, database.body, segments, [0], skinned=True, held=own)
+            )
         self.bits = [np.array(figure["bits"]) for figure in self._figures]
 
     def poses(self, start: int, stop: int) -> list[tuple[Array, Array]]:

@@ -33,8 +33,8 @@ _DRIFTS, _LASTS, _CONTRADICTS = np.tan(np.deg2rad(12.0)), 2.0, 1.05
 and how many times further planted soles are from a plane that tilts so than from one that does not, on a floor that is
 level for a body that leans on something."""
 _STANDS, _UPRIGHT, _RAISED = 0.6, 0.9, 0.15
-"""Height of the pelvis over the lower sole of someone who stands [m], the share of frames in which somebody does who
-neither sits nor lies, and how far a foot that kicks is over the other [m]."""
+"""Least height of the pelvis over the lower sole while a body stands [m], the least share of frames in which it stands
+for a clip to be judged, and how far a foot is lifted over the other one in kicks [m]."""
 _UP = np.array([0.0, 1.0, 0.0])
 
 

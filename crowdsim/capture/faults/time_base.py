@@ -30,9 +30,8 @@ _SWAYS, _SNAPS = 1.4, 130.0
 _WALKS, _TRIPS, _QUICK = 0.43, 0.21, 0.4
 """How far a step of a walk goes times how long it takes (``Evidence.pace``), what it is no less than [m s] where steps
 are quick, and how long such a step takes at the most [s]: shuffling has short steps, and no quick ones."""
-_DRIVES, _HURLS = 1.5, 5.5
-"""How hard steps of a walk accelerate a trunk over the ground (``Evidence.drive``), and by how much they never do
-[m/s^2]."""
+_USUAL_DRIVE, _MOST_DRIVE = 1.5, 5.5
+"""How hard steps of a walk usually accelerate a trunk over the ground (``Evidence.drive``), and at the most [m/s^2]."""
 _READINGS = {
     "milliseconds": lambda value: 1000.0 / value,
     "microseconds": lambda value: 1e6 / value,
@@ -84,7 +83,7 @@ class TimeBase:
                 what += f", and {falls} at {gravity:.3g} m/s^2, as on earth at about {rate:.0f} frames a second"
         if evidence is not None and evidence.pace is not None and _trips(written, evidence):
             drive = evidence.drive or 0.0
-            usual = written * (np.sqrt(_DRIVES / drive) if drive > _HURLS else evidence.pace / _WALKS)
+            usual = written * (np.sqrt(_USUAL_DRIVE / drive) if drive > _MOST_DRIVE else evidence.pace / _WALKS)
             what += f", and steps follow one another as those of a walk do at about {usual:.0f} frames a second"
         return Diagnosis(
             self.name,
@@ -142,7 +141,7 @@ def _trips(fps: float, evidence: Evidence) -> bool:
     if evidence.pace is None:
         return False
     slower = evidence.fps / fps
-    if evidence.drive is not None and evidence.drive > _HURLS * slower**2:
+    if evidence.drive is not None and evidence.drive > _MOST_DRIVE * slower**2:
         return True
     return evidence.pace * slower < _TRIPS and evidence.pace * slower**2 < _QUICK**2 * evidence.speed
 

@@ -125,17 +125,17 @@ def _creep_at(offsets, time, n, foot, free, move):
 
 @kernel(allocates=False)
 def _is_moved(offsets, time, n, seen, until):
-    """Return whether a spline reads anything but 0 of an avatar at a time, later than those before.
+    """Return whether the spline of an avatar is not 0 at a time; times ascend from call to call.
 
     Args:
         offsets: The ``Offsets``.
         time: The time [s].
         n: Column of the avatar.
-        seen: Rows that were looked at.
-        until: One past the last of these that is not 0.
+        seen: How many rows earlier calls have looked at; 0 at first.
+        until: One past the last of these rows that is not 0.
 
     Returns:
-        Whether it does, and what ``seen`` and ``until`` are then.
+        Whether it is not 0, and ``seen`` and ``until`` for the next call.
     """
     before, last = math.floor(time * offsets.rate - offsets.first), offsets.values.shape[0] - 1
     while seen <= min(max(before + 2, 0), last):

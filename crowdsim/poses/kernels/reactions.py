@@ -108,9 +108,9 @@ def strengthen(blows, gains, own, rooms):
                 for before in range(blows.starts[n], blow):
                     since = blows.times[blow] - blows.times[before]
                     if since < LENGTH:
-                        far = (x * axes[before, 0] + z * axes[before, 2]) * gains[before] / strength
-                        expected += (_response(since + RISE) - _response(since)) * far
-                        there += _response(max(since, RISE)) * max(far, 0.0)
+                        brought = (x * axes[before, 0] + z * axes[before, 2]) * gains[before] / strength
+                        expected += (_response(since + RISE) - _response(since)) * brought
+                        there += _response(max(since, RISE)) * max(brought, 0.0)
                 far = strength * gains[blow]
                 wanted = min(max(far - expected, SHARE * far), far + MORE)
                 wanted = min(wanted, max(rooms[blow] - there, 0.0))

@@ -207,7 +207,7 @@ class BlowPlanner:
         impulses *= np.where(np.isin(near.limbs, LEGS), FOOT, 1.0) * np.where(near.blocked, GUARDED, 1.0)
         reaches = np.minimum(np.take(_EVEN, parts) + np.take(_STEEP, parts) * impulses**4, np.take(_MOST, parts))
         reaches *= hit.sizes * np.where(near.blocked, GUARDED, 1.0)
-        # A fold brings the neck, and the head with it, no further than to the attacker's head.
+        # A fold brings the neck no further than there is room between the heads.
         rooms = np.minimum(hit.room(striker, -ways), later.room(after, -ways))
         found["room"] = np.where(parts == HEAD, np.inf, np.maximum(rooms, 0.0))
         reaches = np.minimum(reaches, found["room"])
