@@ -11,7 +11,7 @@ from crowdsim.crowd.kernels.layout import Now, Observed
 from crowdsim.crowd.kernels.opponents import observe_all
 from crowdsim.crowd.kernels.record import write_record
 from crowdsim.crowd.kernels.records import THROWN
-from crowdsim.crowd.kernels.resolve import list_strikes, resolve
+from crowdsim.crowd.kernels.resolve import list_strikes, note_hits, resolve
 from crowdsim.crowd.kernels.shown_motion import renew_marks
 from crowdsim.crowd.kernels.staggers import NEIGHBOURS, SEES, list_thrown, stagger
 from crowdsim.jit import kernel
@@ -30,6 +30,7 @@ def run_frames(model, avatars, world, now, count, still, fresh, scratch, record,
     present = now.present
     due, chosen = np.empty(present, np.int32), np.empty(present, np.int32)
     distances, hits = np.empty(present), np.empty(present, np.int64)
+    thrown = np.empty(present, THROWN)
     most = scratch.near.shape[0]
     room = empty_room(model, most)
     observed = Observed(np.empty(present, np.int32), np.empty(present, np.int32), np.empty((present, most), np.int32))
@@ -55,12 +56,17 @@ def run_frames(model, avatars, world, now, count, still, fresh, scratch, record,
         note_time(timings, clock, 4)
         before = held
         held = list_strikes(model, avatars, world, then, 0, present, due, strikes, held)
-        felled, held = resolve(model, avatars, world, then.frame, strikes, before, held)
+        felled = 0
+        if avatars.conditions.shape[0] > 0 and held > before:
+            felled, held = resolve(model, avatars, world, then.frame, strikes, before, held)
+        else:
+            note_hits(model, avatars, then.frame, strikes, before, held)
         if felled > 0:
             tree = everyone(avatars, present)
             knock_down(model, avatars, world, then, strikes, before, held, tree, observed, room)
-        if held > before:
-            _stagger(model, avatars, world, then, strikes, before, held, due, distances, hits)
+        staggering = list_thrown(model, avatars, world, then, strikes, before, held, thrown)
+        if staggering > 0:
+            _stagger(model, avatars, world, then, thrown[:staggering], due, distances, hits)
         note_time(timings, clock, 5)
         write_record(model, avatars, record, k, 0, present)
         note_time(timings, clock, 6)
@@ -71,16 +77,14 @@ def run_frames(model, avatars, world, now, count, still, fresh, scratch, record,
 
 
 @kernel
-def _stagger(model, avatars, world, now, strikes, first, last, due, distances, hits):
-    """Let avatars stagger that strikes ``first`` to ``last`` throw off their feet; the rest is scratch space."""
-    thrown = np.empty(last - first, THROWN)
-    count = list_thrown(model, avatars, world, now, strikes, first, last, thrown)
-    if count > 0:
-        for q in range(count):
-            due[q] = thrown[q].slot
-        room = Observed(np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, NEIGHBOURS), np.int32))
-        observe_all(avatars, now.present, due, count, SEES, room, distances, hits)
-        stagger(model, avatars, world, now, thrown[:count], room)
+def _stagger(model, avatars, world, now, thrown, due, distances, hits):
+    """Let avatars stagger that ``list_thrown`` has listed; the rest is scratch space."""
+    count = thrown.shape[0]
+    for q in range(count):
+        due[q] = thrown[q].slot
+    room = Observed(np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, NEIGHBOURS), np.int32))
+    observe_all(avatars, now.present, due, count, SEES, room, distances, hits)
+    stagger(model, avatars, world, now, thrown, room)
 
 
 @kernel(inline=True)

@@ -19,7 +19,7 @@ AGAIN = 6.0  # for how long a further hit throws no avatar that staggers already
 SEES, NEIGHBOURS = 3.0, 96  # how far away those are that may be in the way [m], and how many of them count
 
 
-@kernel
+@kernel(inline=True)
 def list_thrown(model, avatars, world, now, strikes, first, last, out):
     """List in ``out`` (``THROWN``) whom strikes ``first`` to ``last`` throw off their feet; return how many they are.
 
