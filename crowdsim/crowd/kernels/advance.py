@@ -33,13 +33,15 @@ def _next_strike(actions, strikes, action, phase):
 def advance(model, avatars, world, frame, first, last, due, few):
     """Move avatars ``first`` to ``last`` by one frame; list in ``due`` those whose action has ended.
 
-    Where they are ``few``, what the next frame will read is prefetched. Returns how many are listed, or -1 - i
-    where the position of avatar i is not a number.
+    Where they are ``few``, what the next frame will read is prefetched, else what is read of avatars soon after.
+    Returns how many are listed, or -1 - i where the position of avatar i is not a number.
     """
     motion, playback = avatars.motion, avatars.playback
     actions, ground, policies = model.actions, model.ground, model.policies
     held, confined = 0, world.places.parts.shape[0] > 0
     for i in range(first, last):
+        if not few and i + 2 * AHEAD < last:
+            _prefetch_ground(model, avatars, i + 2 * AHEAD)
         action = motion[i].action
         length, before = actions[action].length, motion[i].phase
         if before > playback[i].pending:
@@ -68,6 +70,14 @@ def advance(model, avatars, world, frame, first, last, due, few):
         due[held] = i
         held += phase >= length
     return held
+
+
+@kernel(inline=True)
+def _prefetch_ground(model, avatars, i):
+    """Prefetch the ground transforms that ``advance`` will read of avatar ``i``."""
+    action, stride = model.actions[avatars.motion[i].action], model.policies[avatars.policy[i]].stride
+    prefetch(model.ground, action.origin + int(avatars.motion[i].phase) * stride)
+    prefetch(model.ground, action.origin + action.length * stride)
 
 
 @kernel(inline=True)
