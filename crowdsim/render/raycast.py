@@ -18,39 +18,25 @@ from crowdsim.render.kernels.capsules import (
     view_capsules,
 )
 from crowdsim.render.kernels.cells import count_entries, fill_entries
-from crowdsim.render.kernels.columns import (
-    A_RADIUS,
-    CENTRE_X,
-    CENTRE_Z,
-    COLUMNS,
-    EYE_X,
-    FOCAL,
-    GREATEST_U,
-    GREATEST_V,
-    GRID_U,
-    GRID_V,
-    HALF_X,
-    HALF_Z,
-    LEAST_U,
-    LEAST_V,
-    LIGHT,
-    MIDDLE_X,
-    MIDDLE_Y,
-    PER_METRE,
-    RADIUS,
-    REACH,
-    RIGHT_X,
-    ROWS,
-    SOFTNESS,
-    SUN_RED,
-    SUN_X,
-    SUN_Y,
-    U_X,
-    V_X,
-    WIDEST,
-)
 from crowdsim.render.kernels.drawing import draw_tiles
-from crowdsim.render.kernels.records import Cones, Grids, Lists, Skins
+from crowdsim.render.kernels.records import (
+    ARENA,
+    CAMERA,
+    CAPSULE,
+    CONE,
+    FLASH,
+    LIGHT,
+    PAINT,
+    SEGMENT,
+    SHADE,
+    SPAN,
+    Cones,
+    Grids,
+    Lists,
+    Plane,
+    Skins,
+    as_records,
+)
 from crowdsim.render.kernels.skins import choose_triangles, list_triangles, project_skins
 from crowdsim.render.look import Look
 from crowdsim.render.view import View
@@ -171,40 +157,34 @@ def draw(
         transparent, shape (height, width, 4).
     """
     width, height = size
-    camera = view.pack(width, height)
-    chosen = np.empty(len(capsules.shapes), np.int32)
-    count = choose_capsules(capsules.shapes, camera, width, height, SHADOW_REACH, SMALLEST, chosen)
+    camera = view.pack(width, height).view(CAMERA)
+    shapes = as_records(capsules.shapes, CAPSULE)
+    chosen = np.empty(len(shapes), np.int32)
+    count = choose_capsules(shapes, camera, width, height, SHADOW_REACH, SMALLEST, chosen)
     chosen = chosen[:count]
     look = look or Look()
-    light = np.zeros(LIGHT)
-    light[SUN_RED:] = look.pack()
     across = np.cross(sun, [0.0, 0.0, 1.0] if abs(sun[2]) < 0.9 else [1.0, 0.0, 0.0])
     across /= np.linalg.norm(across)
-    light[SUN_X:U_X], light[U_X:V_X], light[V_X:GRID_U], light[SOFTNESS] = (
-        sun,
-        across,
-        np.cross(sun, across),
-        SUN_SOFTNESS,
-    )
-    cones, shades = np.empty((count, 8), np.float32), np.empty((count, 9), np.float32)
-    segments, spans = np.empty((count, 6), np.float32), np.empty((count, 2), np.int32)
-    view_capsules(capsules.shapes, chosen, camera, light, cones, shades, segments, spans)
+    light = np.concatenate([sun, across, np.cross(sun, across), [SUN_SOFTNESS, 0.0], look.pack()]).view(LIGHT)
+    cones, shades = np.empty(count, CONE), np.empty(count, SHADE)
+    segments, spans = np.empty(count, SEGMENT), np.empty(count, SPAN)
+    view_capsules(shapes, chosen, camera, light, cones, shades, segments, spans)
     owners = np.ascontiguousarray(capsules.owners[chosen])
-    paints = np.ascontiguousarray(capsules.paints[chosen])
+    paints = as_records(capsules.paints, PAINT)[chosen]
     neighbours = np.empty((count, _NEIGHBOURS), np.int32)
     near_capsules(cones, owners, camera, _FINE, neighbours)
     if skins is not None:
-        segments[np.isin(owners, skins.avatars), A_RADIUS] = -1.0
+        segments["a_radius"][np.isin(owners, skins.avatars)] = -1.0
     tiles = _lists(segments, (width + 7) // 8, (height + 7) // 8)
-    faces, seen = _seen_skins(skins, chosen, len(capsules.shapes), camera, size)
-    shadows = _shadow_lists(shades, cones, camera, light, segments)
+    faces, seen = _seen_skins(skins, chosen, len(shapes), camera, size)
+    lit, shadows = _shadow_lists(shades, cones, camera, light, segments)
     floor, contacts = _contact_lists(cones, camera, segments)
     picture = np.empty((height, width, 4 if look.transparent else 3), np.uint8)
     lamps = _project_flashes(flashes, camera)
     shared = (
-        camera, light, floor, Cones(cones, spans, shades, paints, owners, neighbours), seen,
-        Grids(tiles, faces, shadows, contacts), np.append(np.zeros(5) if arena is None else arena, LINE), lamps,
-        picture,
+        camera, light, Cones(cones, spans, shades, paints, owners, neighbours), seen,
+        Grids(tiles, faces, lit, shadows, floor, contacts, CONTACT_REACH),
+        np.append(np.zeros(5) if arena is None else arena, LINE).view(ARENA), lamps, picture,
     )  # fmt: skip
     if threads <= 1:
         draw_tiles(0, 1, *shared)
@@ -222,7 +202,7 @@ def _seen_skins(
     offsets = np.zeros(columns * rows + 1, np.int32)
     if skins is None:
         none = np.zeros((0, 3), np.float32)
-        numbers, paints = np.zeros(0, np.int32), np.zeros((0, 4), np.float32)
+        numbers, paints = np.zeros(0, np.int32), np.zeros(0, PAINT)
         return Lists(offsets, numbers), Skins(np.zeros((0, 3), np.int32), numbers, numbers, numbers, paints, none, none)
     screen = np.empty_like(skins.vertices)
     project_skins(0, len(screen), skins.vertices, camera, screen)
@@ -234,7 +214,7 @@ def _seen_skins(
     cones[chosen] = np.arange(len(chosen), dtype=np.int32)
     homes = cones[skins.homes]
     return Lists(offsets, entries), Skins(
-        skins.triangles, skins.owners, skins.looks, homes, skins.paints, screen, skins.normals
+        skins.triangles, skins.owners, skins.looks, homes, as_records(skins.paints, PAINT), screen, skins.normals
     )
 
 
@@ -254,60 +234,50 @@ def _cells(extent_x: float, extent_y: float, finest: float, most: int) -> tuple[
     return cell, int(extent_x / cell) + 1, int(extent_y / cell) + 1
 
 
-def _shadow_lists(shades: Array, cones: Array, camera: Array, light: Array, segments: Array) -> Lists:
-    """Lists of the capsules that may shade each cell of light space; completes ``light``."""
+def _shadow_lists(shades: Array, cones: Array, camera: Array, light: Array, segments: Array) -> tuple[Plane, Lists]:
+    """Plane across the light, and the capsules that may shade its cells; completes ``light``."""
     if not len(shades):
-        light[PER_METRE], light[COLUMNS], light[ROWS] = 1.0, 1, 1
-        return Lists(np.zeros(2, np.int32), np.zeros(1, np.int32))
-    bounds = np.empty(4)
-    shadow_bounds(shades, bounds)
-    pad = SUN_SOFTNESS * 2.5 / light[SUN_Y] + 0.25
-    bounds += [-pad, -pad, pad, pad]
-    u, v = bounds[LEAST_U], bounds[LEAST_V]
-    cell, columns, rows = _cells(bounds[GREATEST_U] - u, bounds[GREATEST_V] - v, 0.08, 400_000)
-    light[GRID_U], light[GRID_V], light[PER_METRE], light[COLUMNS], light[ROWS] = u, v, 1.0 / cell, columns, rows
+        return Plane(0.0, 0.0, 1.0, 1.0, 1.0), Lists(np.zeros(2, np.int32), np.zeros(1, np.int32))
+    pad = SUN_SOFTNESS * 2.5 / light["sun_y"][0] + 0.25
+    bounds = shadow_bounds(shades) + np.array([-pad, -pad, pad, pad])
+    cell, columns, rows = _cells(bounds[2] - bounds[0], bounds[3] - bounds[1], 0.08, 400_000)
+    plane = Plane(float(bounds[0]), float(bounds[1]), float(1.0 / cell), float(columns), float(rows))
     # Where cells are large the crowd is far away, and shadows may blur over a pixel there.
-    light[WIDEST] = max(0.05, 0.45 * cell)
-    shadow_segments(shades, cones, camera, light, THINNEST, segments)
-    return _lists(segments, columns, rows)
+    light["widest"] = max(0.05, 0.45 * cell)
+    shadow_segments(shades, cones, camera, light, plane, THINNEST, segments)
+    return plane, _lists(segments, columns, rows)
 
 
-def _contact_lists(cones: Array, camera: Array, segments: Array) -> tuple[Array, Lists]:
-    """Grid of the capsules on the floor or just over it, and its lists."""
-    floor = np.array([0.0, 0.0, 1.0, 1.0, 1.0, CONTACT_REACH])
+def _contact_lists(cones: Array, camera: Array, segments: Array) -> tuple[Plane, Lists]:
+    """Plane of the floor, and the capsules on it or just over it in its cells."""
     if not len(cones):
-        return floor, Lists(np.zeros(2, np.int32), np.zeros(1, np.int32))
-    middle = cones[:, [CENTRE_X, CENTRE_Z]]
-    around = np.abs(cones[:, [HALF_X, HALF_Z]]) + (cones[:, [RADIUS]] + CONTACT_REACH)
-    low, high = (middle - around).min(axis=0), (middle + around).max(axis=0)
+        return Plane(0.0, 0.0, 1.0, 1.0, 1.0), Lists(np.zeros(2, np.int32), np.zeros(1, np.int32))
+    around = cones["radius"] + CONTACT_REACH
+    low, high = [], []
+    for middle, half in (("centre_x", "half_x"), ("centre_z", "half_z")):
+        reach = np.abs(cones[half]) + around
+        low.append((cones[middle] - reach).min())
+        high.append((cones[middle] + reach).max())
     cell, columns, rows = _cells(float(high[0] - low[0]), float(high[1] - low[1]), 0.15, 200_000)
-    floor[:REACH] = low[0], low[1], 1.0 / cell, columns, rows
-    contact_segments(cones, camera, floor, segments)
-    return floor, _lists(segments, columns, rows)
+    plane = Plane(float(low[0]), float(low[1]), 1.0 / cell, float(columns), float(rows))
+    contact_segments(cones, camera, plane, CONTACT_REACH, segments)
+    return plane, _lists(segments, columns, rows)
 
 
 def _project_flashes(flashes: Flashes | None, camera: Array) -> Array:
-    """Positions of flashes on the picture, see ``draw_tiles``; those behind the eye fall out."""
+    """Positions of flashes on the picture; those behind the eye fall out. Shape (H,), ``FLASH``."""
     if flashes is None or not len(flashes.points):
-        return np.zeros((0, 7), np.float32)
-    basis = camera[RIGHT_X:FOCAL].reshape(3, 3)
-    x, y, z = basis @ (np.asarray(flashes.points, float) - camera[EYE_X:RIGHT_X]).T
+        return np.zeros(0, FLASH)
+    seen_from = camera.view(np.float64)
+    x, y, z = seen_from[3:12].reshape(3, 3) @ (np.asarray(flashes.points, float) - seen_from[:3]).T
     seen = z > 0.2
     x, y, z = x[seen], y[seen], z[seen]
-    focal = camera[FOCAL]
+    focal = camera["focal"]
     # Far flashes fade, so that they do not hide a crowd.
     true = 0.24 * focal / z
-    size = np.maximum(true, 2.0)
-    fade = np.clip(true / 6.0, 0.2, 1.0)
-    return np.stack(
-        [
-            camera[MIDDLE_X] + focal * x / z,
-            camera[MIDDLE_Y] - focal * y / z,
-            np.sqrt(x * x + y * y + z * z) - 0.45,
-            size,
-            np.asarray(flashes.ages, float)[seen],
-            np.asarray(flashes.powers, float)[seen] * fade,
-            np.asarray(flashes.outcomes, float)[seen],
-        ],
-        axis=1,
-    ).astype(np.float32)
+    found = np.empty(len(z), FLASH)
+    found["x"], found["y"] = camera["middle_x"] + focal * x / z, camera["middle_y"] - focal * y / z
+    found["depth"], found["size"] = np.sqrt(x * x + y * y + z * z) - 0.45, np.maximum(true, 2.0)
+    found["age"], found["outcome"] = np.asarray(flashes.ages)[seen], np.asarray(flashes.outcomes)[seen]
+    found["power"] = np.asarray(flashes.powers, float)[seen] * np.clip(true / 6.0, 0.2, 1.0)
+    return found

@@ -12,6 +12,7 @@ from crowdsim.core.types import Array
 from crowdsim.poses.capsules import swelling_capsules
 from crowdsim.render.figure import Figure, dress, figure_segments
 from crowdsim.render.kernels.capsules import place_capsules
+from crowdsim.render.kernels.records import CAPSULE, as_records
 from crowdsim.render.raycast import Capsules
 
 _BALL, _BALL_PAINT = 0.13, (0.85, 0.50, 0.03, 0.3)
@@ -67,7 +68,7 @@ class Cast:
                 np.stack([figure.capsule_starts, figure.capsule_ends]),
                 figure.capsule_radii,
                 swelling_capsules(figure.capsule_parts).astype(float),
-                shapes[row : row + rows],
+                as_records(shapes[row : row + rows], CAPSULE),
             )
             row += rows
         if markers is None or not balls:

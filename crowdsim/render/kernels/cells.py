@@ -7,7 +7,6 @@ segment runs from (ax, ay) to (bx, by) with radii ra and rb, all in cells; a neg
 import math
 
 from crowdsim.jit import kernel
-from crowdsim.render.kernels.columns import A_RADIUS, AX, AY, B_RADIUS, BX, BY
 
 HALF_DIAGONAL = 0.7072
 
@@ -15,7 +14,7 @@ HALF_DIAGONAL = 0.7072
 @kernel
 def _span(segment, columns, rows):
     """Return the first and last column and row that a segment may touch; the last is below the first outside."""
-    ax, ay, bx, by, ra, rb = segment[AX], segment[AY], segment[BX], segment[BY], segment[A_RADIUS], segment[B_RADIUS]
+    ax, ay, bx, by, ra, rb = segment.ax, segment.ay, segment.bx, segment.by, segment.a_radius, segment.b_radius
     left, right = min(ax - ra, bx - rb), max(ax + ra, bx + rb)
     top, bottom = min(ay - ra, by - rb), max(ay + ra, by + rb)
     if not (ra >= 0.0 and right >= 0.0 and bottom >= 0.0 and left < columns and top < rows):
@@ -31,12 +30,12 @@ def _span(segment, columns, rows):
 @kernel
 def _touches(segment, column, row):
     """Whether a segment comes within half a cell's diagonal of its middle, so that it may touch the cell."""
-    ax, ay, ra = segment[AX], segment[AY], segment[A_RADIUS]
-    bx, by = segment[BX] - ax, segment[BY] - ay
+    ax, ay, ra = segment.ax, segment.ay, segment.a_radius
+    bx, by = segment.bx - ax, segment.by - ay
     px, py = column + 0.5 - ax, row + 0.5 - ay
     s = min(max((px * bx + py * by) / max(bx * bx + by * by, 1e-12), 0.0), 1.0)
     dx, dy = px - s * bx, py - s * by
-    reach = max(ra, segment[B_RADIUS]) + HALF_DIAGONAL
+    reach = max(ra, segment.b_radius) + HALF_DIAGONAL
     return dx * dx + dy * dy <= reach * reach
 
 

@@ -14,79 +14,34 @@ t'(s) is another one; where even ``|h|^2 < k^2`` the wider end's sphere is all t
 
 import math
 
+import crowdsim.render.kernels.tiles as tiles
 from crowdsim.jit import kernel
-from crowdsim.render.kernels.columns import (
-    AHEAD_X,
-    AHEAD_Y,
-    AHEAD_Z,
-    FOCAL,
-    MIDDLE_X,
-    MIDDLE_Y,
-    RIGHT_X,
-    RIGHT_Y,
-    RIGHT_Z,
-    UP_X,
-    UP_Y,
-    UP_Z,
-)
-from crowdsim.render.kernels.tiles import (
-    DX,
-    DY,
-    DZ,
-    EDGE_C,
-    EDGE_I,
-    EDGE_S,
-    EDGE_T,
-    FAINT,
-    FAR,
-    FLAGS,
-    FRONT_I,
-    FRONT_S,
-    FRONT_T,
-    FULL,
-    HALF,
-    HIT_C,
-    HIT_S,
-    HIT_T,
-    NEAR,
-    NEXT_I,
-    NEXT_S,
-    NEXT_T,
-    ONE,
-    REST,
-    SPREAD,
-    TINY,
-    TWO,
-    ZERO,
-    F,
-    N,
-    U,
-)
+from crowdsim.render.kernels.tiles import FAR, FLAGS, HALF, ONE, TINY, TWO, ZERO, F, N, U
 
 
-@kernel(fastmath=FLAGS)
+@kernel(allocates=False, fastmath=FLAGS)
 def start_tile(buf, x0, y0, camera):
     """Write the ray of every pixel, and empty the lists of what they meet."""
-    inverse = F(1.0 / camera[FOCAL])
-    cx, cy = F(camera[MIDDLE_X]), F(camera[MIDDLE_Y])
-    rx, ry, rz = F(camera[RIGHT_X]), F(camera[RIGHT_Y]), F(camera[RIGHT_Z])
-    ux, uy, uz = F(camera[UP_X]), F(camera[UP_Y]), F(camera[UP_Z])
-    fx, fy, fz = F(camera[AHEAD_X]), F(camera[AHEAD_Y]), F(camera[AHEAD_Z])
+    inverse = F(1.0 / camera.focal)
+    cx, cy = F(camera.middle_x), F(camera.middle_y)
+    rx, ry, rz = F(camera.right_x), F(camera.right_y), F(camera.right_z)
+    ux, uy, uz = F(camera.up_x), F(camera.up_y), F(camera.up_z)
+    fx, fy, fz = F(camera.ahead_x), F(camera.ahead_y), F(camera.ahead_z)
     left, top = F(x0) + HALF - cx, F(y0) + HALF - cy
     for i in range(N):
         sx = (left + F(i & 7)) * inverse
         sy = -(top + F(i >> 3)) * inverse
         length = ONE / math.sqrt(ONE + sx * sx + sy * sy)
-        buf[DX + i] = (fx + sx * rx + sy * ux) * length
-        buf[DY + i] = (fy + sx * ry + sy * uy) * length
-        buf[DZ + i] = (fz + sx * rz + sy * uz) * length
-        buf[SPREAD + i] = inverse * length
+        buf[tiles.DX + i] = (fx + sx * rx + sy * ux) * length
+        buf[tiles.DY + i] = (fy + sx * ry + sy * uy) * length
+        buf[tiles.DZ + i] = (fz + sx * rz + sy * uz) * length
+        buf[tiles.SPREAD + i] = inverse * length
     for i in range(N):
-        buf[FRONT_T + i] = FAR
-        buf[NEXT_T + i] = FAR
-        buf[REST + i] = ONE
+        buf[tiles.FRONT_T + i] = FAR
+        buf[tiles.NEXT_T + i] = FAR
+        buf[tiles.REST + i] = ONE
     for i in range(4 * N):
-        buf[EDGE_T + i] = FAR
+        buf[tiles.EDGE_T + i] = FAR
 
 
 @kernel(inline=True, fastmath=FLAGS)
@@ -95,35 +50,40 @@ def sort_in(buf, i, index, t, s, cover):
 
     A pixel keeps the two nearest that cover it wholly and the four nearest that cover a part of it.
     """
-    new_t = t if cover >= FULL else FAR
-    front_t, front_s, front_i = buf[U(FRONT_T) + i], buf[U(FRONT_S) + i], buf[U(FRONT_I) + i]
-    next_t, next_s, next_i = buf[U(NEXT_T) + i], buf[U(NEXT_S) + i], buf[U(NEXT_I) + i]
+    new_t = t if cover >= tiles.FULL else FAR
+    front_t, front_s, front_i = buf[U(tiles.FRONT_T) + i], buf[U(tiles.FRONT_S) + i], buf[U(tiles.FRONT_I) + i]
+    next_t, next_s, next_i = buf[U(tiles.NEXT_T) + i], buf[U(tiles.NEXT_S) + i], buf[U(tiles.NEXT_I) + i]
     first = new_t < front_t
     second = new_t < next_t
-    buf[U(NEXT_T) + i] = front_t if first else (new_t if second else next_t)
-    buf[U(NEXT_S) + i] = front_s if first else (s if second else next_s)
-    buf[U(NEXT_I) + i] = front_i if first else (index if second else next_i)
-    buf[U(FRONT_T) + i] = new_t if first else front_t
-    buf[U(FRONT_S) + i] = s if first else front_s
-    buf[U(FRONT_I) + i] = index if first else front_i
+    buf[U(tiles.NEXT_T) + i] = front_t if first else (new_t if second else next_t)
+    buf[U(tiles.NEXT_S) + i] = front_s if first else (s if second else next_s)
+    buf[U(tiles.NEXT_I) + i] = front_i if first else (index if second else next_i)
+    buf[U(tiles.FRONT_T) + i] = new_t if first else front_t
+    buf[U(tiles.FRONT_S) + i] = s if first else front_s
+    buf[U(tiles.FRONT_I) + i] = index if first else front_i
 
-    edge_t = t if (cover < FULL) & (cover > FAINT) else FAR
+    edge_t = t if (cover < tiles.FULL) & (cover > tiles.FAINT) else FAR
     edge_s, edge_c, edge_i = s, cover, index
     for slot in range(4):
         o = U(slot * N) + i
-        old_t, old_s, old_c, old_i = buf[U(EDGE_T) + o], buf[U(EDGE_S) + o], buf[U(EDGE_C) + o], buf[U(EDGE_I) + o]
+        old_t, old_s, old_c, old_i = (
+            buf[U(tiles.EDGE_T) + o],
+            buf[U(tiles.EDGE_S) + o],
+            buf[U(tiles.EDGE_C) + o],
+            buf[U(tiles.EDGE_I) + o],
+        )
         nearer = edge_t < old_t
-        buf[U(EDGE_T) + o] = edge_t if nearer else old_t
-        buf[U(EDGE_S) + o] = edge_s if nearer else old_s
-        buf[U(EDGE_C) + o] = edge_c if nearer else old_c
-        buf[U(EDGE_I) + o] = edge_i if nearer else old_i
+        buf[U(tiles.EDGE_T) + o] = edge_t if nearer else old_t
+        buf[U(tiles.EDGE_S) + o] = edge_s if nearer else old_s
+        buf[U(tiles.EDGE_C) + o] = edge_c if nearer else old_c
+        buf[U(tiles.EDGE_I) + o] = edge_i if nearer else old_i
         edge_t = old_t if nearer else edge_t
         edge_s = old_s if nearer else edge_s
         edge_c = old_c if nearer else edge_c
         edge_i = old_i if nearer else edge_i
 
 
-@kernel(fastmath=FLAGS)
+@kernel(allocates=False, fastmath=FLAGS)
 def meet_cone(buf, start, stop, index, cone):
     """Let the rays of pixels ``start`` to ``stop`` of a tile meet one rounded cone, and sort that in by distance."""
     mx, my, mz, hx, hy, hz, r, k = cone
@@ -133,7 +93,7 @@ def meet_cone(buf, start, stop, index, cone):
     open_ = max(hh - k * k, TINY)
     for p in range(stop - start):
         i = U(start) + U(p)
-        dx, dy, dz = buf[U(DX) + i], buf[U(DY) + i], buf[U(DZ) + i]
+        dx, dy, dz = buf[U(tiles.DX) + i], buf[U(tiles.DY) + i], buf[U(tiles.DZ) + i]
         t0 = mx * dx + my * dy + mz * dz
         px, py, pz = mx - t0 * dx, my - t0 * dy, mz - t0 * dz
         hd = hx * dx + hy * dy + hz * dz
@@ -150,7 +110,7 @@ def meet_cone(buf, start, stop, index, cone):
         rc = r + sc * k
         dc = d0 + a * q * q
         gap = math.sqrt(dc) - rc
-        per_pixel = ONE / max((t0 + sc * hd) * buf[U(SPREAD) + i], TINY)
+        per_pixel = ONE / max((t0 + sc * hd) * buf[U(tiles.SPREAD) + i], TINY)
         cover = min(max(HALF - gap * per_pixel, ZERO), ONE) - min(max(HALF - (gap + TWO * rc) * per_pixel, ZERO), ONE)
         # Where it enters first: of the two ways to write the root, the one that takes no difference of equals.
         g = r * k + a * middle
@@ -170,13 +130,17 @@ def meet_cone(buf, start, stop, index, cone):
         s = sc if outside else sh
         chord = rc * rc - dc if outside else chord
         t = t0 + s * hd - math.sqrt(max(chord, ZERO))
-        buf[U(HIT_T) + i], buf[U(HIT_S) + i], buf[U(HIT_C) + i] = t, s, cover if t > NEAR else ZERO
+        buf[U(tiles.HIT_T) + i], buf[U(tiles.HIT_S) + i], buf[U(tiles.HIT_C) + i] = (
+            t,
+            s,
+            cover if t > tiles.NEAR else ZERO,
+        )
     # Of small cones most rows of pixels meet nothing.
     for row in range(start, stop, 8):
         most = ZERO
         for p in range(8):
-            most = max(most, buf[U(HIT_C) + U(row) + U(p)])
-        if most > FAINT:
+            most = max(most, buf[U(tiles.HIT_C) + U(row) + U(p)])
+        if most > tiles.FAINT:
             for p in range(8):
                 i = U(row) + U(p)
-                sort_in(buf, i, index, buf[U(HIT_T) + i], buf[U(HIT_S) + i], buf[U(HIT_C) + i])
+                sort_in(buf, i, index, buf[U(tiles.HIT_T) + i], buf[U(tiles.HIT_S) + i], buf[U(tiles.HIT_C) + i])

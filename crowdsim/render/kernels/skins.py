@@ -9,49 +9,10 @@ import math
 
 import numpy as np
 
+import crowdsim.render.kernels.tiles as tiles
 from crowdsim.jit import kernel
-from crowdsim.render.kernels.columns import (
-    AHEAD_X,
-    AHEAD_Y,
-    AHEAD_Z,
-    EYE_X,
-    EYE_Y,
-    EYE_Z,
-    FOCAL,
-    GLOSS,
-    MIDDLE_X,
-    MIDDLE_Y,
-    PAINT_BLUE,
-    PAINT_GREEN,
-    PAINT_RED,
-    RIGHT_X,
-    RIGHT_Y,
-    RIGHT_Z,
-    UP_X,
-    UP_Y,
-    UP_Z,
-)
 from crowdsim.render.kernels.cones import sort_in
-from crowdsim.render.kernels.tiles import (
-    FAR,
-    FLAGS,
-    LAYER,
-    LAYER_BLUE,
-    LAYER_GLOSS,
-    LAYER_GREEN,
-    LAYER_RED,
-    LAYER_X,
-    LAYER_Y,
-    LAYER_Z,
-    ONE,
-    SAMPLES,
-    SPREAD,
-    TINY,
-    ZERO,
-    F,
-    N,
-    U,
-)
+from crowdsim.render.kernels.tiles import FAR, FLAGS, ONE, TINY, ZERO, F, N, U
 
 _NEAREST = 0.05
 """Depth from which a corner can be projected [m]; triangles with a nearer one are left out."""
@@ -62,28 +23,29 @@ _APART = F(0.04)
 
 
 @kernel(allocates=False)
-def project_skins(low, high, vertices, camera, out):
+def project_skins(low, high, vertices, cameras, out):
     """Write where vertices ``low`` to ``high`` are in the picture.
 
     Args:
         low: First vertex.
         high: One past the last.
         vertices: In the world [m]. Shape (V, 3), float32.
-        camera: See ``columns``. Shape (16,).
+        cameras: The camera. Shape (1,), ``CAMERA``.
         out: x and y [px], and one over the depth [1/m], -1 where that is too small. Shape (V, 3), float32.
     """
-    focal = camera[FOCAL]
+    camera = cameras[0]
+    focal = camera.focal
     for v in range(low, high):
-        x, y, z = vertices[v, 0] - camera[EYE_X], vertices[v, 1] - camera[EYE_Y], vertices[v, 2] - camera[EYE_Z]
-        depth = x * camera[AHEAD_X] + y * camera[AHEAD_Y] + z * camera[AHEAD_Z]
+        x, y, z = vertices[v, 0] - camera.eye_x, vertices[v, 1] - camera.eye_y, vertices[v, 2] - camera.eye_z
+        depth = x * camera.ahead_x + y * camera.ahead_y + z * camera.ahead_z
         if depth < _NEAREST:
             out[v, 2] = -1.0
             continue
         over = 1.0 / depth
-        right = x * camera[RIGHT_X] + y * camera[RIGHT_Y] + z * camera[RIGHT_Z]
-        up = x * camera[UP_X] + y * camera[UP_Y] + z * camera[UP_Z]
-        out[v, 0] = camera[MIDDLE_X] + focal * right * over
-        out[v, 1] = camera[MIDDLE_Y] - focal * up * over
+        right = x * camera.right_x + y * camera.right_y + z * camera.right_z
+        up = x * camera.up_x + y * camera.up_y + z * camera.up_z
+        out[v, 0] = camera.middle_x + focal * right * over
+        out[v, 1] = camera.middle_y - focal * up * over
         out[v, 2] = over
 
 
@@ -160,7 +122,7 @@ def meet_skins(buf, x0, y0, listed, skins, layers):
         layers: Room for samples and layers, a ``Layers``.
     """
     samples = layers.samples
-    for s in range(SAMPLES * N):
+    for s in range(tiles.SAMPLES * N):
         samples[s] = ZERO
     for index in range(listed.shape[0]):
         _cover_samples(samples, F(x0), F(y0), F(index), listed[index], skins)
@@ -186,10 +148,10 @@ def _cover_samples(samples, x0, y0, index, face, skins):
     left_ab, left_ab_y, right_ab, right_ab_y = _bounds(ax, ay, bx, by)
     left_bc, left_bc_y, right_bc, right_bc_y = _bounds(bx, by, cx, cy)
     left_ca, left_ca_y, right_ca, right_ca_y = _bounds(cx, cy, ax, ay)
-    first = max(int(np.ceil(max(min(ay, min(by, cy)), ZERO) * F(SAMPLES) - F(0.502))), 0)
-    last = min(int(np.floor(min(max(ay, max(by, cy)), F(8.0)) * F(SAMPLES) - F(0.498))), 8 * SAMPLES - 1)
+    first = max(int(np.ceil(max(min(ay, min(by, cy)), ZERO) * F(tiles.SAMPLES) - F(0.502))), 0)
+    last = min(int(np.floor(min(max(ay, max(by, cy)), F(8.0)) * F(tiles.SAMPLES) - F(0.498))), 8 * tiles.SAMPLES - 1)
     # That the compiler does not know it is eight keeps it from unrolling what vector instructions are for.
-    width = samples.shape[0] // (16 * SAMPLES)
+    width = samples.shape[0] // (16 * tiles.SAMPLES)
     for line in range(first, last + 1):
         s, y = line & 3, F(0.25) * F(line) + F(0.125)
         aside = F(0.25) * F((2 * s + 1 - (s >> 1)) & 3) + F(0.125)
@@ -201,7 +163,7 @@ def _cover_samples(samples, x0, y0, index, face, skins):
             own, old = depth + z_x * x, samples[at]
             nearer = (x >= left) & (x <= right) & (own > old)
             samples[at] = own if nearer else old
-            samples[U(SAMPLES * N) + at] = index if nearer else samples[U(SAMPLES * N) + at]
+            samples[U(tiles.SAMPLES * N) + at] = index if nearer else samples[U(tiles.SAMPLES * N) + at]
 
 
 @kernel(inline=True, fastmath=FLAGS)
@@ -221,35 +183,35 @@ def _gather_layers(buf, i, x0, y0, listed, skins, layers, count):
     """Make layers of the samples of a pixel, from near to far, and sort them in; return how many layers there are."""
     samples, values = layers.samples, layers.values
     owners, looks, paints = skins.owners, skins.looks, skins.paints
-    base, left = 32 * (i >> 3) + (i & 7), SAMPLES
+    base, left = 32 * (i >> 3) + (i & 7), tiles.SAMPLES
     while left > 0:
         nearest, most = -1, ZERO
-        for s in range(base, base + 8 * SAMPLES, 8):
+        for s in range(base, base + 8 * tiles.SAMPLES, 8):
             if samples[s] > most:
                 nearest, most = s, samples[s]
         if nearest < 0:
             break
-        face = listed[int(samples[SAMPLES * N + nearest])]
+        face = listed[int(samples[tiles.SAMPLES * N + nearest])]
         owner, look, furthest = owners[face], looks[face], most / (ONE + _APART * most)
         _write_normal(F(x0), F(y0), nearest, face, skins, layers, count)
         alike, several, depths, red, green, blue, gloss = 0, 0, ZERO, ZERO, ZERO, ZERO, ZERO
-        for s in range(base, base + 8 * SAMPLES, 8):
-            other = listed[int(samples[SAMPLES * N + s])] if samples[s] > furthest else -1
+        for s in range(base, base + 8 * tiles.SAMPLES, 8):
+            other = listed[int(samples[tiles.SAMPLES * N + s])] if samples[s] > furthest else -1
             if other >= 0 and owners[other] == owner:
                 if looks[other] == look:
                     alike += 1
                 else:
                     paint = paints[looks[other]]
-                    red, green, blue = red + paint[PAINT_RED], green + paint[PAINT_GREEN], blue + paint[PAINT_BLUE]
-                    gloss += paint[GLOSS]
+                    red, green, blue = red + paint.red, green + paint.green, blue + paint.blue
+                    gloss += paint.gloss
                 several, depths, samples[s] = several + 1, depths + samples[s], ZERO
-        share, own, at = ONE / F(several), F(alike), count * LAYER
-        values[at + LAYER_RED] = (red + own * paints[look, PAINT_RED]) * share
-        values[at + LAYER_GREEN] = (green + own * paints[look, PAINT_GREEN]) * share
-        values[at + LAYER_BLUE] = (blue + own * paints[look, PAINT_BLUE]) * share
-        values[at + LAYER_GLOSS] = (gloss + own * paints[look, GLOSS]) * share
+        share, own, at = ONE / F(several), F(alike), count * tiles.LAYER
+        values[at + tiles.LAYER_RED] = (red + own * paints[look].red) * share
+        values[at + tiles.LAYER_GREEN] = (green + own * paints[look].green) * share
+        values[at + tiles.LAYER_BLUE] = (blue + own * paints[look].blue) * share
+        values[at + tiles.LAYER_GLOSS] = (gloss + own * paints[look].gloss) * share
         layers.homes[count] = skins.homes[face]
-        t = F(several) / (depths * buf[SPREAD + i] * layers.focal)
+        t = F(several) / (depths * buf[tiles.SPREAD + i] * layers.focal)
         sort_in(buf, U(i), F(-1 - count), t, ZERO, F(several) / F(left))
         left -= several
         count += 1
@@ -280,6 +242,6 @@ def _write_normal(x0, y0, sample, face, skins, layers, count):
     ny = first * normals[a, 1] + second * normals[b, 1] + third * normals[c, 1]
     nz = first * normals[a, 2] + second * normals[b, 2] + third * normals[c, 2]
     length = ONE / math.sqrt(max(nx * nx + ny * ny + nz * nz, TINY))
-    at = count * LAYER
-    layers.values[at + LAYER_X], layers.values[at + LAYER_Y] = nx * length, ny * length
-    layers.values[at + LAYER_Z] = nz * length
+    at = count * tiles.LAYER
+    layers.values[at + tiles.LAYER_X], layers.values[at + tiles.LAYER_Y] = nx * length, ny * length
+    layers.values[at + tiles.LAYER_Z] = nz * length
