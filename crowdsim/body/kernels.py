@@ -6,7 +6,7 @@ from crowdsim.core.quaternions import conjugate, multiply
 from crowdsim.jit import kernel
 
 
-@kernel(allocates=False)
+@kernel
 def skin_vertices(low, high, matrices, joints, weights, vertices, normals, out_vertices, out_normals):
     """Put the skin of avatars ``low`` to ``high`` into the world.
 
@@ -43,7 +43,7 @@ def skin_vertices(low, high, matrices, joints, weights, vertices, normals, out_v
                 out_normals[n, v, k] *= total
 
 
-@kernel(allocates=False)
+@kernel
 def carry_skin(positions, rotations, scale, bindings, parents, helpers, straights, out):
     """Write what takes the skin of one avatar into the world, by joints and helpers; see ``Skin.matrices``.
 
@@ -83,7 +83,7 @@ def carry_skin(positions, rotations, scale, bindings, parents, helpers, straight
                 out[k, row, column] = scale * value + (positions[joint, row] if column == 3 else 0.0)
 
 
-@kernel(allocates=False)
+@kernel
 def nearest_capsules(vertices, starts, ends, radii, out):
     """Write the capsule whose surface is nearest to each vertex.
 

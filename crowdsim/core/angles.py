@@ -34,7 +34,7 @@ def cos_sin(angle):
     return -cos if (q + 1) & 2 != 0 else cos, -sin if q & 2 != 0 else sin
 
 
-@kernel(allocates=False)
+@kernel
 def bearings(xs, zs, count, out):
     """Write atan2(x, z) of each position, to 2e-9: a polynomial of the smaller over the greater, which vectorises."""
     for k in range(count):

@@ -82,7 +82,7 @@ def mix(a, b, share):
     return w * size, x * size, y * size, z * size
 
 
-@kernel(allocates=False)
+@kernel
 def mix_like(a, b, share):
     """Return the quaternion between two of like sign, normalised: ``a`` at share 0, ``b`` at 1.
 
@@ -100,7 +100,7 @@ def mix_like(a, b, share):
     return w * size, x * size, y * size, z * size
 
 
-@kernel(allocates=False)
+@kernel
 def from_vector(x, y, z):
     """Return the quaternion of a rotation vector [rad]."""
     angle = math.sqrt(x * x + y * y + z * z)
@@ -110,7 +110,7 @@ def from_vector(x, y, z):
     return math.cos(0.5 * angle), x * s, y * s, z * s
 
 
-@kernel(allocates=False)
+@kernel
 def rotate_by_vector(q, x, y, z):
     """Rotate a quaternion in place by a rotation vector [rad] of the frame that the quaternion is given in."""
     angle = math.sqrt(x * x + y * y + z * z)

@@ -43,7 +43,7 @@ def square_between(p, q, r, s):
     return x * x + y * y + z * z
 
 
-@kernel(allocates=False)
+@kernel
 def nearest_on_segments(p, q, r, s):
     """Return where the segments p q and r s are nearest to one another.
 

@@ -138,7 +138,7 @@ def _neighbours(bodies, when, n):
     return low, high, 1.0 / (when.seconds * (high - low)) if high > low else 0.0
 
 
-@kernel(allocates=False)
+@kernel
 def _measure_joints(bodies, when, n, motions):
     """Write how an avatar's joints carry their points: position and normal matrices, velocity matrix and shift."""
     frame = when.frame
@@ -155,7 +155,7 @@ def _measure_joints(bodies, when, n, motions):
             motions[j, 18 + k] = rate * (float(bodies.positions[high, n, j, k]) - float(bodies.positions[low, n, j, k]))
 
 
-@kernel(allocates=False)
+@kernel
 def place_points(bodies, when, wanted, riders, motions, values, labels):
     """Put the points of some avatars into the world, with normals, velocities and labels.
 
@@ -205,7 +205,7 @@ def _apply(matrix, x, y, z):
     )
 
 
-@kernel(allocates=False)
+@kernel
 def place_skin_points(bodies, when, n, riders, frames, matrices, values, labels):
     """Put the points on the skin of an avatar into the world, with normals, velocities and joints.
 

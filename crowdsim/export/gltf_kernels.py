@@ -7,7 +7,7 @@ import numpy as np
 from crowdsim.jit import kernel
 
 
-@kernel(allocates=False)
+@kernel
 def pack_rotations(low, high, rotations, last, scale, out):
     """Write rotations joint by joint as x, y, z, w, unit, each on the side of the one before.
 

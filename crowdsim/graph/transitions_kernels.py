@@ -37,7 +37,7 @@ class Minima(NamedTuple):
     counts: Any
 
 
-@kernel(fastmath={"contract"})
+@kernel(allocates=True, fastmath={"contract"})
 def square_distances(low, high, features, tiles, start, limit, out):
     """Write squared distances of frames to themselves and all later frames, for pairs of rows ``low`` to ``high``.
 
@@ -97,7 +97,7 @@ def _tie_break(i, k):
     return h
 
 
-@kernel(allocates=False)
+@kernel
 def _is_lowest(squares, row, i, k, clips):
     """Return whether (i, k), i < k, is lower than its eight neighbours, as far as they lie in the same two clips."""
     frames = clips.shape[0]
@@ -118,7 +118,7 @@ def _is_lowest(squares, row, i, k, clips):
     return True
 
 
-@kernel(allocates=False)
+@kernel
 def local_minima(low, high, squares, first, start, frames, limit, minima):
     """Collect the local minima (i, k), i < k, of frames from ``start`` on that may be transitions.
 
@@ -156,7 +156,7 @@ def local_minima(low, high, squares, first, start, frames, limit, minima):
         counts[r] = count
 
 
-@kernel(allocates=False)
+@kernel
 def keep_cheapest(start, rows, minima, last, best_frames, best_squares):
     """Keep for every frame the pairs that cost least, the cheapest first and the earlier of equal ones.
 

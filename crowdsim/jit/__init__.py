@@ -10,7 +10,7 @@ def kernel(
     function: Callable[..., Any] | None = None,
     *,
     inline: bool = False,
-    allocates: bool = True,
+    allocates: bool = False,
     fastmath: Collection[str] = (),
     name: str = "",
 ) -> Any:
@@ -27,8 +27,8 @@ def kernel(
     Args:
         function: The function; without it, a decorator with these options is returned.
         inline: The compiled code becomes part of each caller, which saves passing arrays; it allocates nothing.
-        allocates: Whether the kernel creates arrays. One that does not needs no reference counts, which cost two atomic
-            operations for every array that is passed to a function or read from a named tuple.
+        allocates: Whether the kernel creates arrays. Then it counts references, which costs two atomic operations for
+            every array that is passed to it or read from a named tuple; where most time is spent nothing is created.
         fastmath: LLVM's flags for faster arithmetic that the kernel permits.
         name: Its name, which must be the only one of a file, where the function is defined anew for each of several
             uses.

@@ -13,6 +13,7 @@ from crowdsim.crowd.kernels.layout import BLOCKED, EVADED, LANDED, MISSED
 from crowdsim.render.kernels import tiles
 from crowdsim.render.kernels.cones import meet_cone, start_tile
 from crowdsim.render.kernels.ground import _checks
+from crowdsim.render.kernels.records import CAMERA
 from crowdsim.render.raycast import Capsules, Flashes, draw, sun_direction
 from crowdsim.render.view import View, directions, look_at
 
@@ -88,7 +89,7 @@ def rays_meet(cone):
     """Hold every ray of a tile against the naive twin."""
     way = float(np.linalg.norm(cone[:3]))
     focal = 8.0 * way / (2.5 * (np.linalg.norm(cone[3:6]) + cone[6] + abs(cone[7])))
-    camera = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, -1, focal, 4.0, 4.0, 50.0])
+    camera = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, -1, focal, 4.0, 4.0, 50.0], float).view(CAMERA)[0]
     buf = np.zeros(tiles.SCRATCH, np.float32)
     start_tile(buf, 0, 0, camera)
     meet_cone(buf, 0, 64, np.float32(0), tuple(np.float32(value) for value in cone))
@@ -116,7 +117,7 @@ def test_coverage_of_a_ball_sums_to_the_area_of_its_disc(way):
     shares = 0.0
     for y0 in range(0, 72, 8):
         for x0 in range(0, 72, 8):
-            camera = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, -1, focal, 36.3, 35.6, 50.0])
+            camera = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, -1, focal, 36.3, 35.6, 50.0], float).view(CAMERA)[0]
             buf = np.zeros(tiles.SCRATCH, np.float32)
             start_tile(buf, x0, y0, camera)
             meet_cone(buf, 0, 64, np.float32(0), tuple(np.float32(v) for v in (0, 0, -way, 0, 0, 0, radius, 0)))
@@ -128,7 +129,7 @@ def test_coverage_of_a_ball_sums_to_the_area_of_its_disc(way):
 
 
 def test_thin_capsules_cover_as_much_as_they_are_wide():
-    camera = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, -1, 100.0, 4.0, 4.0, 50.0])
+    camera = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, -1, 100.0, 4.0, 4.0, 50.0], float).view(CAMERA)[0]
     buf = np.zeros(tiles.SCRATCH, np.float32)
     start_tile(buf, 0, 0, camera)
     radius = 0.0015

@@ -8,7 +8,7 @@ _clock_type = types.int32(types.int32, types.CPointer(types.int64))
 _clock_gettime = types.ExternalFunction("clock_gettime", _clock_type)
 
 
-@kernel(allocates=False)
+@kernel
 def _now(buffer):
     """Return a steady time [ns]; ``buffer`` has room for two numbers."""
     _clock_gettime(1, buffer.ctypes)  # type: ignore[call-overload]

@@ -36,7 +36,7 @@ def confine(model, avatars, world, frame, i):
             _confine(model, avatars, places, frame, i)
 
 
-@kernel(allocates=False)
+@kernel
 def _confine(model, avatars, places, frame, i):
     """Move an avatar near obstacles, see ``confine``; what was found to be free before is not looked at again.
 
@@ -135,7 +135,7 @@ def _find_push(model, avatars, places, frame, i, ahead, base):
     return push
 
 
-@kernel(allocates=False)
+@kernel
 def _push_out(outline, places, frame, cell, from_x, from_z, heading, size, far, spare):
     """Return how far a body that has an outline goes out of the obstacles that a cell lists and that are near [m].
 
@@ -196,7 +196,7 @@ def _find_depth(outline, part, x, z, gap, nx, nz, heading, size, spare, least):
     return least
 
 
-@kernel(allocates=False)
+@kernel
 def confine_all(model, avatars, world, frame, present):
     """Move all avatars that are present out of obstacles, see ``confine``."""
     for i in range(present):

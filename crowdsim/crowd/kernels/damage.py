@@ -17,7 +17,7 @@ LATELY = 30  # longest time between hits whose damage adds up to a knock-down [c
 STRONGEST = 2.0  # greatest damage of a hit, as a multiple of that of a strong hit
 
 
-@kernel
+@kernel(allocates=True)
 def apply_damage(model, avatars, world, frame, strikes, first, last):
     """Apply the damage of strikes ``first`` to ``last`` of ``frame``, one after the other as they land.
 

@@ -126,7 +126,7 @@ def _soles_gap(model, avatars, row, lies, j):
     return lies[3] * min(left, sole_gap(model.soles, capsules, frame, RIGHT, stands, most))
 
 
-@kernel(allocates=False)
+@kernel
 def hemmed_in(model, avatars, world, frame, own, row, dx, dz):
     """Return how far a body would lie in obstacles after a fall that ends further on by (dx, dz): the square [m2]."""
     places, size = world.places, avatars.playback[own].scale

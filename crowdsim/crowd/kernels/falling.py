@@ -95,7 +95,7 @@ def note_fall(model, avatars, frame, number, counts, times, out_costs):
         out_costs[shows] += times * math.floor(counts * of_late * GRAIN + 0.5) / GRAIN
 
 
-@kernel(allocates=False)
+@kernel
 def shown_before(model, avatars, frame, own, tree, anywhere, stack, out_costs):
     """Write what ``shown_anywhere`` writes, which is ``anywhere``, and more for falls of those near an avatar.
 

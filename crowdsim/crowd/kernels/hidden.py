@@ -41,7 +41,7 @@ def prefer_seen(avatars, world, now, own, opponent, observed, q):
     return _nearest_seen(avatars, world, now, own, opponent, observed, q), False
 
 
-@kernel(allocates=False)
+@kernel
 def _nearest_seen(avatars, world, now, own, opponent, observed, q):
     """Return the number of the nearest opponent that is seen, if that is not much further away than a hidden one."""
     skip = avatars.skip[own]
@@ -69,7 +69,7 @@ def _nearest_seen(avatars, world, now, own, opponent, observed, q):
     return found
 
 
-@kernel(allocates=False)
+@kernel
 def way_to(places, frame, x, z, target):
     """Return a target where it is, or as far from (x, z) as the way around obstacles is, where that leads first."""
     if is_way_free(places, frame, x, z, target.x, target.z, WALKS, ANY_HEIGHT):

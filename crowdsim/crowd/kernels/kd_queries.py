@@ -45,7 +45,7 @@ class Space(NamedTuple):
     far: Any
 
 
-@kernel(allocates=False)
+@kernel
 def box_distance(boxes, node, x, z):
     """Return the squared distance from a point to a box; 0 inside."""
     dx = max(max(boxes[node, 0] - x, x - boxes[node, 1]), 0.0)
@@ -53,7 +53,7 @@ def box_distance(boxes, node, x, z):
     return dx * dx + dz * dz
 
 
-@kernel(allocates=False)
+@kernel
 def _nearest(tree, query, best, found, stack, far):
     """Return the nearest point that a query does not skip, or the one found before."""
     x, z, own, skip = query.x, query.z, query.own, query.skip
@@ -107,7 +107,7 @@ def _nearest(tree, query, best, found, stack, far):
     return best, found
 
 
-@kernel(allocates=False)
+@kernel
 def _insert(number, i, distance, held_now, out_points, out_distances):
     """Insert point i into the sorted list, if it is near enough; return the list's new length."""
     room = out_points.shape[0]
@@ -129,7 +129,7 @@ def _insert(number, i, distance, held_now, out_points, out_distances):
     return held_now
 
 
-@kernel(allocates=False)
+@kernel
 def gather(tree, query, reach, out_points, out_distances, stack):
     """List the nearest points within ``reach`` (squared), nearest first; return how many."""
     count = tree.xs.shape[0]
@@ -161,7 +161,7 @@ def gather(tree, query, reach, out_points, out_distances, stack):
     return held_now
 
 
-@kernel
+@kernel(allocates=True)
 def query_nearest(tree, queries, first, last, out_found, out_distance):
     """Find the nearest point for each of ``queries``, a ``Query`` of arrays, from ``first`` to ``last``.
 
@@ -173,7 +173,7 @@ def query_nearest(tree, queries, first, last, out_found, out_distance):
         out_distance[q], out_found[q] = _nearest(tree, query, math.inf, -1, stack, far)
 
 
-@kernel
+@kernel(allocates=True)
 def query_neighbours(tree, queries, reach, first, last, out_counts, out_points):
     """List the nearest points within ``reach`` of ``queries``, of any team, nearest first, lower numbers first.
 
@@ -185,7 +185,7 @@ def query_neighbours(tree, queries, reach, first, last, out_counts, out_points):
         out_counts[q] = gather(tree, query, reach * reach, out_points[q], distances, stack)
 
 
-@kernel
+@kernel(allocates=True)
 def observe(tree, due, skipped, opponent, slot_of, reach, observed):
     """Find the nearest opponent and the neighbours within ``reach`` of points ``due``, which ascend.
 
@@ -264,7 +264,7 @@ def _is_apart(boxes, node, window):
     )
 
 
-@kernel(allocates=False)
+@kernel
 def _list_leaves(tree, window, out_leaves, stack):
     """List the leaves in a window; return how many, -1 where there is no room."""
     listed, held = 0, 1
@@ -286,7 +286,7 @@ def _list_leaves(tree, window, out_leaves, stack):
     return listed
 
 
-@kernel(allocates=False)
+@kernel
 def _copy_near(tree, window, listed, space):
     """Copy the points of the listed leaves that are in a window; return how many, -1 where there is no room."""
     count, depth = tree.xs.shape[0], tree.depth

@@ -36,7 +36,7 @@ class Tree(NamedTuple):
     box_teams: Any
 
 
-@kernel(allocates=False)
+@kernel
 def _select(keys, others, order, low, high, middle):
     """Put the ``middle``-th smallest of ``keys[low:high]`` in its place, smaller ones before it (Hoare's selection)."""
     left, right = low, high - 1
@@ -63,7 +63,7 @@ def _select(keys, others, order, low, high, middle):
             return
 
 
-@kernel
+@kernel(allocates=True)
 def sort_points(xs, zs, order, depth, top, bottom):
     """Bring the points below node ``top`` into the order of leaves, down to nodes of level ``bottom``.
 
@@ -98,7 +98,7 @@ def sort_points(xs, zs, order, depth, top, bottom):
         held += 2
 
 
-@kernel(allocates=False)
+@kernel
 def fit_leaves(tree, first, last):
     """Bound leaves ``first`` to ``last`` by their points, and note their only teams."""
     xs, zs, team, depth = tree.xs, tree.zs, tree.team, tree.depth
@@ -119,7 +119,7 @@ def fit_leaves(tree, first, last):
         tree.box_teams[node] = only
 
 
-@kernel(allocates=False)
+@kernel
 def fit_nodes(tree):
     """Bound every inner node by its two children, leaves first."""
     for node in range((1 << tree.depth) - 1, 0, -1):
@@ -138,7 +138,7 @@ def fit_node(tree, node):
     teams[node] = teams[a] if teams[a] == teams[b] else -1
 
 
-@kernel(allocates=False)
+@kernel
 def widen(tree, i):
     """Widen the boxes above point ``i``, which has moved, until it is in them."""
     x, z, boxes = tree.xs[i], tree.zs[i], tree.boxes
@@ -149,7 +149,7 @@ def widen(tree, i):
         node >>= 1
 
 
-@kernel
+@kernel(allocates=True)
 def everyone(avatars, present):
     """Return a tree of one leaf, in which avatars are found by comparing with everyone, wherever these are."""
     boxes = np.empty((2, 4), np.float32)

@@ -34,7 +34,7 @@ class Room(NamedTuple):
     distances: Any
 
 
-@kernel
+@kernel(allocates=True)
 def empty_room(model, most):
     """Return scratch space of knock-downs among avatars that observe ``most`` neighbours."""
     falls = model.falls.shape[0]

@@ -17,7 +17,7 @@ from crowdsim.crowd.kernels.staggers import NEIGHBOURS, SEES, list_thrown, stagg
 from crowdsim.jit import kernel
 
 
-@kernel
+@kernel(allocates=True)
 def run_frames(model, avatars, world, now, count, still, fresh, scratch, record, strikes, timings):
     """Run ``count`` control frames from ``now`` on for a small crowd, and record them.
 
@@ -76,7 +76,7 @@ def run_frames(model, avatars, world, now, count, still, fresh, scratch, record,
     return count, held, -1
 
 
-@kernel
+@kernel(allocates=True)
 def _stagger(model, avatars, world, now, thrown, due, distances, hits):
     """Let avatars stagger that ``list_thrown`` has listed; the rest is scratch space."""
     count = thrown.shape[0]

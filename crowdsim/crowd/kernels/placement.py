@@ -53,7 +53,7 @@ def _enter(squares, i):
     squares.heads[bucket] = i
 
 
-@kernel(allocates=False)
+@kernel
 def _is_free(squares, x, z):
     """Return whether no point of the hash grid is nearer than the width of its squares."""
     least = squares.size

@@ -59,7 +59,7 @@ def list_strikes(model, avatars, world, now, first, last, who, strikes, held):
     return held
 
 
-@kernel
+@kernel(allocates=True)
 def resolve(model, avatars, world, frame, strikes, first, last):
     """Apply strikes ``first`` to ``last``, which are those of ``frame``, but those of avatars that fall already.
 

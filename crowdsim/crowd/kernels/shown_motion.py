@@ -51,7 +51,7 @@ def renew(marks, frame, k):
     marks[k] = (frame - LONG_AGO) & FRAMES if age_of(marks[k], frame) >= RENEWED else np.int64(marks[k])
 
 
-@kernel(allocates=False)
+@kernel
 def renew_marks(marks, frame):
     """Renew the marks whose turn it is in a frame."""
     first, last = marks_of(marks, frame)

@@ -41,7 +41,7 @@ def count_frames(action, done, opponent, first_action, is_transition, first, las
     out_counts[0], out_counts[1], out_counts[2] = present, transitions, changes
 
 
-@kernel
+@kernel(allocates=True)
 def find_overlaps(tree, order, radii, greatest, first, last, out):
     """Write whether bodies ``first`` to ``last`` of a tree overlap one of the bodies nearest to them.
 

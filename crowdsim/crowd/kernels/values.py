@@ -286,7 +286,7 @@ def _split_layers(axis, value, scratch, count):
     return 2 * count
 
 
-@kernel(allocates=False)
+@kernel
 def _add_row_values_of_layers(model, b, options, spot, target, factor, scratch):
     """Do what ``_add_row_values`` does for a grid of further axes."""
     spots, parts, behaviour, out = scratch.spots, scratch.parts, model.behaviours[b], options.values
@@ -304,7 +304,7 @@ def _add_row_values_of_layers(model, b, options, spot, target, factor, scratch):
             add_rows(model.table, cell, factor * behaviour.step * weight, options.n, out)
 
 
-@kernel(allocates=False)
+@kernel
 def _add_end_values_of_layers(model, b, slot, options, spot, begin, target, factor, scratch):
     """Do what ``_add_end_values`` does for a grid of further axes, which may change with each action."""
     behaviour, moves, near, at = model.behaviours[b], model.moves, scratch.nears[slot], scratch.spots[spot, 0]

@@ -49,7 +49,7 @@ def part_gap(part, x, z):
     return gap, a * part.ux - b * part.uz, a * part.uz + b * part.ux
 
 
-@kernel(allocates=False)
+@kernel
 def way_gap(part, x, z, to_x, to_z, enough):
     """Return how far a straight way is from a part, not above 0 where it leads through [m].
 
@@ -106,7 +106,7 @@ def _square_to(a, b, half_a, half_b):
     return a * a + b * b
 
 
-@kernel(allocates=False)
+@kernel
 def gap_at(places, frame, x, z):
     """Return how far a point is from the nearest obstacle, negative inside; ``REACH`` where none is nearer [m]."""
     least, cell = REACH, cell_at(places.grid, x, z)
@@ -120,14 +120,14 @@ def gap_at(places, frame, x, z):
     return least
 
 
-@kernel(allocates=False)
+@kernel
 def gaps_at(places, frame, points, out):
     """Write the distance of each of ``points`` (n, 2) from the nearest obstacle, see ``gap_at``. Shape (n,)."""
     for i in range(points.shape[0]):
         out[i] = gap_at(places, frame, points[i, 0], points[i, 1])
 
 
-@kernel(allocates=False)
+@kernel
 def clear_ways(parts, starts, ends, room, out):
     """Write whether ways from ``starts`` to ``ends`` (n, 2) keep some room from all parts. Shape (n,)."""
     for i in range(starts.shape[0]):
@@ -135,7 +135,7 @@ def clear_ways(parts, starts, ends, room, out):
             out[i] &= way_gap(parts[k], starts[i, 0], starts[i, 1], ends[i, 0], ends[i, 1], room) >= room
 
 
-@kernel(allocates=False)
+@kernel
 def is_way_free(places, frame, x, z, to_x, to_z, room, height):
     """Return whether a straight way keeps some room from all obstacles; less where it begins or ends nearer to one.
 
@@ -175,7 +175,7 @@ def may_be_near(places, x, z, far):
     return cell >= 0 and places.clear[cell] < far
 
 
-@kernel
+@kernel(allocates=True)
 def list_parts(parts, grid, reach, offsets, listed, gaps, clear):
     """List the parts within ``reach`` of each cell of a grid, as CSR, with how far they are from it at least.
 

@@ -13,7 +13,7 @@ BODY = 0.2  # room that a body needs to walk straight to a point [m]
 REACHED = 0.3  # how near a corner has been reached [m]
 
 
-@kernel(allocates=False)
+@kernel
 def phase_of(places, frame):
     """Return which doors are open in a control frame: a row of the graph."""
     phase = 0
@@ -30,7 +30,7 @@ def _cell_near(grid, x, z):
     return int(row) * int(grid.columns) + int(column)
 
 
-@kernel(allocates=False)
+@kernel
 def first_corner(places, frame, x, z, to_x, to_z):
     """Return the corner over which the shortest way from one point to another leads first, and that way's length [m].
 
@@ -82,7 +82,7 @@ def _apart(corners, v, x, z):
     return math.sqrt(dx * dx + dz * dz)
 
 
-@kernel(allocates=False)
+@kernel
 def link_corners(places, frame, out):
     """Write the distance of each two corners that see one another in a control frame, else infinity. Shape (V, V)."""
     corners = places.corners
@@ -95,7 +95,7 @@ def link_corners(places, frame, out):
             out[v, w] = out[w, v] = math.sqrt(dx * dx + dz * dz) if free else math.inf
 
 
-@kernel(allocates=False)
+@kernel
 def list_seen(places, frame, near, out):
     """Write for each cell the nearest corners that are seen from somewhere in it, -1 behind the last.
 

@@ -22,7 +22,7 @@ class Corners(NamedTuple):
     weights: Any
 
 
-@kernel(allocates=False)
+@kernel
 def find_corners(axes, first, end, target, corners):
     """Write the cells around a target on the axes ``first`` to ``end`` and their weights; return how many there are."""
     count = _begin(corners)
@@ -31,7 +31,7 @@ def find_corners(axes, first, end, target, corners):
     return count
 
 
-@kernel(allocates=False)
+@kernel
 def find_corners_after(axes, first, end, before, later, action_end, corners):
     """Do what ``find_corners`` does for a target as it is seen after an action.
 
@@ -52,7 +52,7 @@ def find_corners_after(axes, first, end, before, later, action_end, corners):
     return count
 
 
-@kernel(allocates=False)
+@kernel
 def find_layers_after(axes, values, action_end, corners):
     """Write the layers of a grid around what its axes measure after an action; return how many there are.
 
@@ -85,7 +85,7 @@ def _add_axis(axis, value, corners, count):
     return 2 * count
 
 
-@kernel(allocates=False)
+@kernel
 def fade_on_axes(axes, first, end, target):
     """Return how much a behaviour counts for a target (``environment.fade_factor``)."""
     fade = 1.0

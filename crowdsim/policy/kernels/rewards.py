@@ -16,7 +16,7 @@ from crowdsim.policy.terms.term import Seen
 X, Z, HEADING = range(3)
 
 
-@kernel(allocates=False)
+@kernel
 def find_landed(actions, strike, target, surface):
     """Return whether a strike lands on a target, where the fist is then, and where the target's head is."""
     t, fists, origins = actions.strike_times[strike], actions.strike_positions, actions.strike_origins
@@ -26,7 +26,7 @@ def find_landed(actions, strike, target, surface):
     return lands(fist, (origins[strike, 0], origins[strike, 1]), head, surface), fist, head
 
 
-@kernel(allocates=False)
+@kernel
 def earned_by_strikes(actions, action, target, term, log_discount):
     """Return what the strikes of an action earn that land, for the weight 1."""
     best, total, surface = 0.0, 0.0, read_surface(term)
@@ -39,7 +39,7 @@ def earned_by_strikes(actions, action, target, term, log_discount):
     return best if term.greatest != 0.0 else total
 
 
-@kernel(allocates=False)
+@kernel
 def _spent_on_strikes(actions, action, target, term, log_discount):
     """Return what the strikes of an action cost, for the weight 1."""
     spent, surface = 0.0, read_surface(term)
@@ -71,13 +71,13 @@ def _build_frames(name, read, gap):
             best = max(best, value)
         return best if term.greatest != 0.0 else total
 
-    return kernel(worth, allocates=False, name=f"worth_of_{name}")
+    return kernel(worth, name=f"worth_of_{name}")
 
 
 _worth_along_path = for_frame_terms(_build_frames)
 
 
-@kernel(allocates=False)
+@kernel
 def action_reward(tables, behaviour, action, target):
     """Return r(e, a): the sum of the terms of a behaviour."""
     actions, row = tables.actions, tables.behaviours[behaviour]

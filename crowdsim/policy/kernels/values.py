@@ -18,7 +18,7 @@ from crowdsim.policy.kernels.axes import fade_on_axes, find_corners, find_corner
 from crowdsim.policy.kernels.rewards import HEADING, X, Z, action_reward
 
 
-@kernel(allocates=False)
+@kernel
 def moved(target, frames):
     """Return a target some control frames later."""
     return Target(
@@ -27,7 +27,7 @@ def moved(target, frames):
     )  # fmt: skip
 
 
-@kernel(allocates=False)
+@kernel
 def after_action(actions, action, target):
     """Return how a target is seen once an action has been done, from where the avatar is then; it does not move on."""
     last = actions.path_offsets[action + 1] - 1
@@ -39,7 +39,7 @@ def after_action(actions, action, target):
     return Target(dx * cos - dz * sin, target.y, dx * sin + dz * cos, vx, vz, target.heading - heading, impact, lasts)
 
 
-@kernel(allocates=False)
+@kernel
 def value_behind(tables, behaviour, action, before, corners):
     """Return V(s, e) behind an action by a behaviour's table of the look-up v, for a target as it is seen before it."""
     row, actions = tables.behaviours[behaviour], tables.actions
@@ -52,14 +52,14 @@ def value_behind(tables, behaviour, action, before, corners):
     return row.low + row.step * interpolate(tables.table, entry, corners.cells, corners.weights, count)
 
 
-@kernel(allocates=False)
+@kernel
 def fade_of(tables, behaviour, target):
     """Return how much a behaviour counts for a target."""
     row = tables.behaviours[behaviour]
     return fade_on_axes(tables.axes, row.first_axis, row.end_axis, target)
 
 
-@kernel(allocates=False)
+@kernel
 def add_stored_values(tables, behaviour, state, target, factor, corners, out):
     """Add ``factor`` times Q(e, a) by a behaviour's table of the look-up q to ``out`` for every action of the state."""
     row = tables.behaviours[behaviour]
@@ -78,7 +78,7 @@ def add_stored_values(tables, behaviour, state, target, factor, corners, out):
                 out[k] += share * tables.table[entry + k]
 
 
-@kernel(allocates=False)
+@kernel
 def add_values_ahead(tables, behaviour, state, target, factor, corners, out):
     """Add ``factor`` times Q(e, a) by a behaviour of the look-up v to ``out`` for every action of the state."""
     actions = tables.actions
@@ -90,7 +90,7 @@ def add_values_ahead(tables, behaviour, state, target, factor, corners, out):
         out[k] += factor * (earned + math.exp(log_discount * actions.lengths[a]) * value)
 
 
-@kernel(allocates=False)
+@kernel
 def count_price_once(tables, behaviour_weights, state, target, out):
     """Let a transition cost what it costs the behaviour that it costs most, where each has counted its own price."""
     first = tables.actions.offsets[state]
@@ -110,7 +110,7 @@ def count_price_once(tables, behaviour_weights, state, target, out):
         out[k] += total - most
 
 
-@kernel(allocates=False)
+@kernel
 def evaluate_actions(tables, behaviour_weights, state, target, corners, out):
     """Write the values of the actions of a state ; return how many there are.
 

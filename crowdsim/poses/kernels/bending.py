@@ -63,7 +63,7 @@ def _smooth(found, row, n, weights, first, stop, sums):
             sums[k] += (np.float64(before[k]) + np.float64(after[k])) * weights[j]
 
 
-@kernel
+@kernel(allocates=True)
 def smooth_moves(first, stop, found, rows, limbs, feet, columns, moves):
     """Smooth how far limbs go, and feet by other weights, along the frames of a grid; its ends repeat.
 
@@ -95,7 +95,7 @@ def smooth_moves(first, stop, found, rows, limbs, feet, columns, moves):
             moves[s, columns[n]] = sums
 
 
-@kernel(allocates=False)
+@kernel
 def _moves_at(offsets, time, n, moves):
     """Write how far limbs of an avatar are deflected at a time, by a B-spline."""
     clock = time * offsets.rate - offsets.first
@@ -110,7 +110,7 @@ def _moves_at(offsets, time, n, moves):
                     moves[limb, point, j] += weights[k] * row[limb, point, j]
 
 
-@kernel(allocates=False)
+@kernel
 def _creep_at(offsets, time, n, foot, free, move):
     """Mix into the move of a foot, as far as it is not ``free``, how far planted feet go; by a B-spline."""
     clock = time * offsets.rate - offsets.first
@@ -123,7 +123,7 @@ def _creep_at(offsets, time, n, foot, free, move):
         move[j] = free * move[j] + (1.0 - free) * creep
 
 
-@kernel(allocates=False)
+@kernel
 def _is_moved(offsets, time, n, seen, until):
     """Return whether the spline of an avatar is not 0 at a time; times ascend from call to call.
 
@@ -145,7 +145,7 @@ def _is_moved(offsets, time, n, seen, until):
     return until > min(max(before - 1, 0), last), seen, until
 
 
-@kernel(allocates=False)
+@kernel
 def _freedom(deflections, first, stop, time, limb):
     """Return how free a hand or foot is of some strikes."""
     free, lands = 1.0, FIST_LANDS if limb < 2 else FOOT_LANDS
@@ -155,7 +155,7 @@ def _freedom(deflections, first, stop, time, limb):
     return free
 
 
-@kernel(allocates=False)
+@kernel
 def _bend_arm(arms, hand, sizes, pose, world, moves, free):
     """Move a wrist, and swivel the elbow, as far as they are deflected."""
     elbow, wrist = world.positions[arms.joints[hand, MIDDLE]], world.positions[arms.joints[hand, LOWER]]
@@ -166,7 +166,7 @@ def _bend_arm(arms, hand, sizes, pose, world, moves, free):
     swivel_limb(arms, hand, pose, world, goal, _ARM_STRAIGHT)
 
 
-@kernel(allocates=False)
+@kernel
 def _bend_leg(legs, foot, sizes, pose, world, moves):
     """Move an ankle as far as its leg reaches, and swivel the knee, as far as they are deflected."""
     hip, knee = world.positions[legs.joints[foot, UPPER]], world.positions[legs.joints[foot, MIDDLE]]
@@ -183,7 +183,7 @@ def _bend_leg(legs, foot, sizes, pose, world, moves):
         swivel_limb(legs, foot, pose, world, goal, _LEG_STRAIGHT)
 
 
-@kernel
+@kernel(allocates=True)
 def bend_limbs(first, stop, moments, deflections, plants, sizes, arms, legs, poses):
     """Deflect limbs of poses, in place.
 

@@ -44,7 +44,7 @@ class Offsets(NamedTuple):
     travel: NDArray[np.float64]
 
 
-@kernel(allocates=False)
+@kernel
 def _between(motion, start, steps):
     """Return a frame and the fraction to the next of motion that has played ``steps`` frames since another.
 
@@ -61,7 +61,7 @@ def _between(motion, start, steps):
     return low, part
 
 
-@kernel(allocates=False)
+@kernel
 def _travel(motion, start, low, part, scale, direction, out):
     """Write how far motion has gone since a frame, in the world; ``direction`` is that of its clip."""
     rest = 1.0 - part
@@ -73,14 +73,14 @@ def _travel(motion, start, low, part, scale, direction, out):
     out[HEADING] = here[HEADING] * rest + there[HEADING] * part - old[HEADING]
 
 
-@kernel(allocates=False)
+@kernel
 def _remaining(transitions, k, time):
     """Return how much is left of the motion before a transition: 1 before the blend, 0 after it."""
     ahead, behind = transitions.spans[k, BEFORE], transitions.spans[k, AFTER]
     return 1.0 - minimum_jerk((time - transitions.times[k] + ahead) / (ahead + behind))
 
 
-@kernel(allocates=False, fastmath={"contract", "reassoc", "nsz"})
+@kernel(fastmath={"contract", "reassoc", "nsz"})
 def _add_transition(k, past, share, time, motion, transitions, speed, sizes, offsets):
     """Add a share of what differs at a transition."""
     apart, scale, lift = time - transitions.times[k], sizes[TRUNK], sizes[LEG] - sizes[TRUNK]
@@ -126,7 +126,7 @@ def _add_transition(k, past, share, time, motion, transitions, speed, sizes, off
             )
 
 
-@kernel(allocates=False, fastmath={"contract", "reassoc", "nsz"})
+@kernel(fastmath={"contract", "reassoc", "nsz"})
 def _write_rotations(frame, fraction, rotations, blended, sums, out):
     """Write the rotations of a playback frame, or of one between two, with offsets added."""
     joints = rotations.shape[1]
@@ -144,7 +144,7 @@ def _write_rotations(frame, fraction, rotations, blended, sums, out):
         out[j, 0], out[j, 1], out[j, 2], out[j, 3] = w * norm, x * norm, y * norm, z * norm
 
 
-@kernel(allocates=False)
+@kernel
 def _unfold(bones, free, most, q):
     """Open an elbow or knee that blends have folded more than the body can, easing from one flexion to another."""
     u, o = bones[0], bones[1]
@@ -160,7 +160,7 @@ def _unfold(bones, free, most, q):
     q[0], q[1], q[2], q[3] = multiply((c, s * nx, s * ny, s * nz), q)
 
 
-@kernel(allocates=False)
+@kernel
 def _flip_signs(signs, offsets):
     """Hand signs on to the motion on the other side of a transition."""
     joints = offsets.signs.shape[0]
@@ -222,7 +222,7 @@ def _write_root(motion, frame, fraction, sizes, ground, offsets, pose, root):
     q[0], q[1], q[2], q[3] = rotate_about_y(c, s, q)
 
 
-@kernel
+@kernel(allocates=True)
 def blend_poses(first, stop, moments, playback, rows, motion, transitions, hinges, poses):
     """Write poses in the world, blended over transitions.
 

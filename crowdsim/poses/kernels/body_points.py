@@ -28,7 +28,7 @@ class BodyPoints(NamedTuple):
     ends: NDArray[np.float64]
 
 
-@kernel
+@kernel(allocates=True)
 def place_points(first, stop, body, poses, scales, stretches, columns, points):
     """Write where points of bodies of one kind lie.
 

@@ -57,7 +57,7 @@ class CapsuleBody(NamedTuple):
     limbs: Array
 
 
-@kernel(allocates=False)
+@kernel
 def are_near(capsules, t, a, i, b, j, margin):
     """Return whether spheres around a capsule of one body and one of another are no further apart than a margin [m]."""
     p, q = capsules.starts[t, a, i], capsules.ends[t, a, i]
@@ -66,7 +66,7 @@ def are_near(capsules, t, a, i, b, j, margin):
     return x * x + y * y + z * z <= 4.0 * (capsules.bounds[a, i] + capsules.bounds[b, j] + margin) ** 2
 
 
-@kernel(allocates=False)
+@kernel
 def capsule_depth(p, q, own, r, s, other):
     """Return how deep two capsules are in one another [m], negative where they are apart, and where they are nearest.
 
@@ -85,7 +85,7 @@ def capsule_depth(p, q, own, r, s, other):
     return own[0] + share * (own[1] - own[0]) + other[0] + part * (other[1] - other[0]) - far, share, part
 
 
-@kernel(allocates=False)
+@kernel
 def place_ends(first, stop, positions, rotations, sizes, joints, segments, offsets, columns, ends):
     """Write where ends of capsules of bodies of one kind lie.
 
@@ -116,7 +116,7 @@ def place_ends(first, stop, positions, rotations, sizes, joints, segments, offse
                 out[0], out[1], out[2] = p[0] + x, p[1] + y, p[2] + z
 
 
-@kernel
+@kernel(allocates=True)
 def place_bodies(first, stop, rows, poses, body, scales, stretches, columns, ends, joints):
     """Write where ends of capsules and joints of limbs of posed bodies of one kind lie.
 

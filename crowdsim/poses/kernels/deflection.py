@@ -93,7 +93,7 @@ class _Contacts(NamedTuple):
     margins: Array
 
 
-@kernel(allocates=False)
+@kernel
 def _leverage(limbs, t, n, capsule, share):
     """Return how far a point of a capsule goes along with the middle and the end of its limb."""
     limb = limbs.limbs[n, capsule]
@@ -104,7 +104,7 @@ def _leverage(limbs, t, n, capsule, share):
     return middle, limbs.freedom[t, n, limb] * (w[0, END] + share * (w[1, END] - w[0, END]))
 
 
-@kernel(allocates=False)
+@kernel
 def _part_of(limbs, t, n, i, own, other, j, theirs):
     """Return which part of what lies between them the capsule of the other body gives way, by levers of both.
 
@@ -117,7 +117,7 @@ def _part_of(limbs, t, n, i, own, other, j, theirs):
     return theirs / (own + theirs)
 
 
-@kernel(allocates=False)
+@kernel
 def _order_feet(capsules, t, a, i, share, b, j, part, own, theirs):
     """Return 1 where a foot goes over another one, -1 where it is the other way around, 0 where they are side by side.
 
@@ -132,7 +132,7 @@ def _order_feet(capsules, t, a, i, share, b, j, part, own, theirs):
     return 1 if own > theirs or (own == theirs and a < b) else -1
 
 
-@kernel(allocates=False)
+@kernel
 def _find_close(contacts, n, other):
     """Note which limbs of a body may be near groups of another one; return whether any is."""
     boxes, others, found = contacts.boxes[n], contacts.boxes[other], 0
@@ -144,7 +144,7 @@ def _find_close(contacts, n, other):
     return found != 0
 
 
-@kernel(allocates=False)
+@kernel
 def _add_contacts(capsules, limbs, t, n, other, contacts, count):
     """Note the capsules of limbs that are in another body, or near it; return how many are noted.
 
@@ -194,7 +194,7 @@ def _add_contacts(capsules, limbs, t, n, other, contacts, count):
     return count
 
 
-@kernel(allocates=False)
+@kernel
 def _way_beside(p, q, radii, r, s, others):
     """Return which way on the floor, x and z, and how far a foot has to go so that all of it is beside a capsule."""
     x, y, z = 0.5 * (p[0] + q[0]) - r[0], 0.5 * (p[1] + q[1]) - r[1], 0.5 * (p[2] + q[2]) - r[2]
@@ -207,7 +207,7 @@ def _way_beside(p, q, radii, r, s, others):
     return x, z, half + math.sqrt(max(meet * meet - y * y, 0.0)) - far
 
 
-@kernel(allocates=False)
+@kernel
 def _push(capsules, limbs, t, n, contact, contacts, moves, axis):
     """Push a limb out of what one of its capsules is in; return whether it was in it."""
     i, other, j = contacts.own[contact], contacts.others[contact, 0], contacts.others[contact, 1]
@@ -242,7 +242,7 @@ def _push(capsules, limbs, t, n, contact, contacts, moves, axis):
     return True
 
 
-@kernel(allocates=False)
+@kernel
 def _find_contacts(capsules, limbs, t, n, order, rank, contacts):
     """Note all capsules that limbs of an avatar are in or near; return how many."""
     middles, count, bounded = contacts.middles, 0, False
@@ -260,7 +260,7 @@ def _find_contacts(capsules, limbs, t, n, order, rank, contacts):
     return count
 
 
-@kernel(allocates=False)
+@kernel
 def _are_in(contacts, count):
     """Return whether any limb is where it should not be."""
     for contact in range(count):
@@ -269,7 +269,7 @@ def _are_in(contacts, count):
     return False
 
 
-@kernel
+@kernel(allocates=True)
 def deflect_limbs(first, stop, capsules, limbs, order, ranks, asked, moves):
     """Find how far limbs give way so that they are in no other body, at each of T times.
 

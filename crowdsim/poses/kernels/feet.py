@@ -81,7 +81,7 @@ def _find_own_rotations(motion, now, foot, heading, toe, asked):
             asked.rotations[1, part, k] = asked.rotations[0, part, k]
 
 
-@kernel(allocates=False)
+@kernel
 def _limit_shift(shift, scale):
     """Shorten a shift in place: where transitions pile up feet come along before legs get out of shape."""
     way = math.sqrt(shift[0] * shift[0] + shift[1] * shift[1] + shift[2] * shift[2]) / scale
@@ -132,7 +132,7 @@ def _hold_foot(footing, now, foot, weights, ground, legs, pose, world, asked):
     goal[0], goal[1], goal[2] = hold_x - x, hold_y - y, hold_z - z
 
 
-@kernel(allocates=False)
+@kernel
 def _lift_sole(legs, foot, scale, world, goal):
     """Lift the goal of an ankle so that no sole is under the floor: heel and ball ease onto it."""
     turned, lowest = world.rotations[legs.joints[foot, LOWER]], math.inf
@@ -144,7 +144,7 @@ def _lift_sole(legs, foot, scale, world, goal):
         goal[1] += FLOOR * scale * soft_ramp(-lowest / (FLOOR * scale))
 
 
-@kernel(allocates=False)
+@kernel
 def _measure_lack(legs, foot, world, asked):
     """Write how long a leg is and can be; return how far the pelvis would have to go down for its goal [m]."""
     upper = world.positions[legs.joints[foot, UPPER]]
@@ -158,7 +158,7 @@ def _measure_lack(legs, foot, world, asked):
     return over * wanted / max(upper[1] - goal[1], 0.5 * wanted)
 
 
-@kernel(allocates=False)
+@kernel
 def _reach_goals(legs, pose, world, asked):
     """Bend both legs so that ankles reach their goals."""
     for foot in range(2):
@@ -174,7 +174,7 @@ def _reach_goals(legs, pose, world, asked):
         bend_limb(legs, foot, pose, world, target, distance)
 
 
-@kernel(allocates=False)
+@kernel
 def _move_pelvis(legs, x, y, z, root, world):
     """Move the pelvis, and the legs with it."""
     root[0] += x
@@ -224,7 +224,7 @@ def _plant_pose(footing, now, until, ground, push, low, legs, root, pose, world,
     return drop
 
 
-@kernel
+@kernel(allocates=True)
 def plant_feet(first, stop, moments, playback, rows, pushes, lows, footing, legs, reaches, drops, poses):
     """Bring planted feet to where they belong, in place.
 

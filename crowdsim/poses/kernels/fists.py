@@ -133,7 +133,7 @@ def strikes_around(times, low, last, time, within):
     return low, high
 
 
-@kernel(allocates=False)
+@kernel
 def _weigh_strikes(landings, first, stop, time, weights):
     """Write the weight of some strikes of both hands at a time; return whether there are any."""
     weights[:] = 0.0
@@ -142,7 +142,7 @@ def _weigh_strikes(landings, first, stop, time, weights):
     return weights[0] > 0.0 or weights[1] > 0.0
 
 
-@kernel(allocates=False)
+@kernel
 def _share_of_stop(fist, goal, shift):
     """Return the share of its shift by which a fist that an arm stops is carried back: less, the further it is from it.
 
@@ -156,7 +156,7 @@ def _share_of_stop(fist, goal, shift):
     return share * share * (2.0 - share)
 
 
-@kernel(allocates=False)
+@kernel
 def _sum_shifts(landings, first, stop, time, asked):
     """Write how far both fists are carried at a time by some strikes, from where they are."""
     asked.shifts[:] = 0.0
@@ -180,7 +180,7 @@ def _sum_shifts(landings, first, stop, time, asked):
                     )
 
 
-@kernel(allocates=False)
+@kernel
 def _stop_point(fist, stops, further, moved, weight, shift):
     """Add to the shift of a fist what brings it out of the capsule that it is deepest in, by a weight.
 
@@ -219,7 +219,7 @@ def _out_of(fist, shift, here, there, moved, along, k):
     return fist[k] + shift[k] - start - along * (end - start)
 
 
-@kernel(allocates=False)
+@kernel
 def _lean_at(landings, first, stop, time, within, lean):
     """Write how a trunk leans at a time for some strikes; return whether it does at all.
 
@@ -248,7 +248,7 @@ def _lean_at(landings, first, stop, time, within, lean):
     return True
 
 
-@kernel(allocates=False)
+@kernel
 def move_over_feet(legs, sizes, root, pose, world, move, ankles):
     """Move the root over feet that stay where they are.
 
@@ -281,7 +281,7 @@ def move_over_feet(legs, sizes, root, pose, world, move, ankles):
         bend_limb(legs, foot, pose, world, target, distance)
 
 
-@kernel(allocates=False)
+@kernel
 def _note_fists(arms, scale, world, targets, wrists):
     """Write the positions of both fists, and of the wrists behind them."""
     for hand in range(2):
@@ -306,7 +306,7 @@ def _away_from_shoulder(p, r, target, shortest, now):
     return target[0] + more * (r[0] - p[0]), target[1] + more * (r[1] - p[1]), target[2] + more * (r[2] - p[2])
 
 
-@kernel(allocates=False)
+@kernel
 def point_arm(arms, hand, pose, world, target):
     """Bend an arm so that its wrist goes to a target, and less the nearer that is to its longest and shortest reach.
 
@@ -324,7 +324,7 @@ def point_arm(arms, hand, pose, world, target):
     return bend_limb(arms, hand, pose, world, target, distance)
 
 
-@kernel(allocates=False)
+@kernel
 def _carry_fist(arms, hand, scale, weight, pose, world, asked):
     """Bend an arm so that its fist goes where it is to be carried; as far as it is free to, it follows the trunk.
 
@@ -348,7 +348,7 @@ def _carry_fist(arms, hand, scale, weight, pose, world, asked):
         wrist[k] = kept[k]
 
 
-@kernel(allocates=False)
+@kernel
 def swing_forearms(low, high, shoulders, elbows, wrists, hinges, behind, goals, out):
     """Write how forearms of arms ``low`` to ``high`` turn, and hands with them, where fists go to goals.
 
@@ -383,7 +383,7 @@ def swing_forearms(low, high, shoulders, elbows, wrists, hinges, behind, goals, 
             out[n, k] = turn[k]
 
 
-@kernel(allocates=False)
+@kernel
 def _lean_pose(legs, leaning, sizes, root, pose, world, asked):
     """Lean the trunk of one pose."""
     lean = asked.lean
@@ -394,7 +394,7 @@ def _lean_pose(legs, leaning, sizes, root, pose, world, asked):
             rotate_by_vector(pose[leaning[k]], lean[k, 0], lean[k, 1], lean[k, 2])
 
 
-@kernel(allocates=False)
+@kernel
 def _carry_both(arms, sizes, root, pose, world, asked):
     """Carry the fists of one pose."""
     pose_chain(arms, sizes, root, pose, world)
@@ -404,7 +404,7 @@ def _carry_both(arms, sizes, root, pose, world, asked):
             _carry_fist(arms, hand, sizes[TRUNK], weight, pose, world, asked)
 
 
-@kernel
+@kernel(allocates=True)
 def carry_fists(first, stop, moments, landings, sizes, arms, legs, leaning, within, poses):
     """Carry fists onto what they hit, in place.
 

@@ -13,7 +13,7 @@ _EASE = 0.08
 """How long after a foot has lifted off, and before it lands, it is wholly free [s]."""
 
 
-@kernel(allocates=False)
+@kernel
 def _piece(rows, row, n, began, later):
     """Return what an avatar plays in a part of a control frame.
 
@@ -28,7 +28,7 @@ def _piece(rows, row, n, began, later):
     return rows.origins[row + 1, n], 0.0, began, 1.0
 
 
-@kernel(allocates=False)
+@kernel
 def _follow_foot(rows, motion, n, foot, spans):
     """Write beginnings and ends of the plants of one foot, and return how many there are."""
     speed, stride, most = rows.speeds[n], motion.stride, spans.shape[0]
@@ -64,7 +64,7 @@ def _follow_foot(rows, motion, n, foot, spans):
     return count
 
 
-@kernel(allocates=False)
+@kernel
 def find_foot_plants(first, stop, rows, motion, plants):
     """Find when the feet of avatars are planted.
 
@@ -82,7 +82,7 @@ def find_foot_plants(first, stop, rows, motion, plants):
             plants.counts[n, foot] = _follow_foot(rows, motion, n, foot, plants.spans[n, foot])
 
 
-@kernel(allocates=False)
+@kernel
 def foot_freedom(plants, n, foot, at, time):
     """Return how free a foot is to move, 0 while it is planted and 1 in the air, and the first plant that is not over.
 
@@ -103,7 +103,7 @@ def foot_freedom(plants, n, foot, at, time):
     return minimum_jerk(apart / _EASE), at
 
 
-@kernel(allocates=False)
+@kernel
 def free_feet(first, stop, moments, plants, freedom):
     """Write how free the feet of avatars are to move.
 

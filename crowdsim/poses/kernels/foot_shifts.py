@@ -82,7 +82,7 @@ class Instant(NamedTuple):
     last: int
 
 
-@kernel(allocates=False)
+@kernel
 def _pass_on(spans, k, time, most, longest):
     """Return how far a foot has gone or turned from one plant into the next, 0 to 1.
 
@@ -96,7 +96,7 @@ def _pass_on(spans, k, time, most, longest):
     return minimum_jerk((time - end + ahead) / (begin + behind - end + ahead))
 
 
-@kernel(allocates=False)
+@kernel
 def weigh_plants(plants, n, foot, at, time):
     """Return what foot plants before and after a time mean for a foot.
 
@@ -144,7 +144,7 @@ def _progress(at, move, time, begin, end):
     return minimum_jerk(part), 64.0 * rise * rise * rise * move[RISE]
 
 
-@kernel(allocates=False)
+@kernel
 def _rotation_since(p, q, r, at, rest, part):
     """Return nearly the rotation vector from one quaternion to another between two, for small rotations.
 
@@ -164,7 +164,7 @@ def _rotation_since(p, q, r, at, rest, part):
     return double * x, double * y, double * z
 
 
-@kernel(allocates=False)
+@kernel
 def _find_change(motion, foot, start, steps, direction, scale, stays, change):
     """Write what a foot does since a frame: its movement, its rotation, that of its toes.
 
@@ -218,7 +218,7 @@ def _nearly(x, y, z):
     return size, 0.5 * x * size, 0.5 * y * size, 0.5 * z * size
 
 
-@kernel(allocates=False)
+@kernel
 def _play_on(past, part, crossed, back, old, new):
     """Return what a foot rotates beyond the motion that is shown while the motions on both sides play on.
 

@@ -14,7 +14,7 @@ _EASE = 0.004
 """Height over which hands ease onto the floor [m]."""
 
 
-@kernel(allocates=False)
+@kernel
 def _lift_hand(arms, hand, scale, glove, pose, world):
     """Bend an arm so that its glove is on the floor, not under it."""
     end, o = arms.joints[hand, LOWER], arms.points[hand, 0]
@@ -25,7 +25,7 @@ def _lift_hand(arms, hand, scale, glove, pose, world):
     point_arm(arms, hand, pose, world, (wrist[0], wrist[1] + ease * soft_ramp(-height / ease), wrist[2]))
 
 
-@kernel
+@kernel(allocates=True)
 def lift_hands(first, stop, moments, sizes, arms, glove, poses):
     """Lift hands of avatars with legs or arms of other lengths than captured off the floor, in place.
 

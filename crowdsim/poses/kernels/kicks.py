@@ -50,7 +50,7 @@ class Asked(NamedTuple):
     goals: NDArray[np.float64]
 
 
-@kernel(allocates=False)
+@kernel
 def _weigh_kicks(kicks, n, time, within, asked):
     """Write how far feet and pelvis are carried at a time; return whether they are at all."""
     asked.shifts[:] = 0.0
@@ -70,7 +70,7 @@ def _weigh_kicks(kicks, n, time, within, asked):
     return carried
 
 
-@kernel(allocates=False)
+@kernel
 def _carry_pose(legs, sizes, root, pose, world, asked):
     """Move the pelvis of one pose, and bend its legs so that ankles are where they were, or are carried to."""
     pose_chain(legs, sizes, root, pose, world)
@@ -94,7 +94,7 @@ def _carry_pose(legs, sizes, root, pose, world, asked):
         bend_limb(legs, foot, pose, world, target, distance)
 
 
-@kernel
+@kernel(allocates=True)
 def carry_feet(first, stop, moments, kicks, sizes, legs, within, poses):
     """Carry feet onto what they kick, in place.
 

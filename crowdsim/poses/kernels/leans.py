@@ -51,7 +51,7 @@ def _shorten(vector, most):
         vector[k] *= part
 
 
-@kernel(allocates=False)
+@kernel
 def _hang(reaches, e, turns, spins, hangs):
     """Write the rotation of each joint, and what hangs on it, turned by it and by all above it."""
     x, y, z = 0.0, 0.0, 0.0
@@ -63,7 +63,7 @@ def _hang(reaches, e, turns, spins, hangs):
         hangs[k, 0], hangs[k, 1], hangs[k, 2] = x, y, z
 
 
-@kernel(allocates=False)
+@kernel
 def _way_to_target(reaches, e, spins, hangs, move):
     """Return the direction from the shoulder to where the wrist has to be, and how far that is [m]."""
     fist, target, base = reaches.fists[e], reaches.targets[e], reaches.bases[e]
@@ -77,7 +77,7 @@ def _way_to_target(reaches, e, spins, hangs, move):
     return (x / far, y / far, z / far), far
 
 
-@kernel(allocates=False)
+@kernel
 def _pull(reaches, e, spins, hangs, way, pulls):
     """Write about which vectors turns of each joint bring the shoulder along a way; return the sum of what they do."""
     gain = 0.0
@@ -90,7 +90,7 @@ def _pull(reaches, e, spins, hangs, way, pulls):
     return gain
 
 
-@kernel
+@kernel(allocates=True)
 def lean_trunks(first, stop, reaches, turns, moves):
     """Find how trunks lean for strikes.
 

@@ -18,7 +18,7 @@ def group_of(limb):
     return limb if limb >= 0 else LIMBS
 
 
-@kernel(allocates=False)
+@kernel
 def bound_limbs(capsules, limbs, t, n, boxes):
     """Write boxes around the limbs of an avatar, around its trunk and around all of it.
 
@@ -44,7 +44,7 @@ def bound_limbs(capsules, limbs, t, n, boxes):
             whole[3 + k] = max(whole[3 + k], boxes[group, 3 + k])
 
 
-@kernel(allocates=False)
+@kernel
 def bound_capsules(capsules, limbs, t, n, margins, boxes):
     """Write boxes around the capsules of an avatar's limbs.
 

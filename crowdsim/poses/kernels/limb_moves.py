@@ -13,7 +13,7 @@ _MOST = 0.25
 """Furthest that a point of a limb moves [m]."""
 
 
-@kernel(allocates=False)
+@kernel
 def keep_bones(joints, moves):
     """Bring the middle and the end of an arm back to the lengths of its bones."""
     upper, middle, end = joints[UPPER], joints[MIDDLE], joints[LOWER]
@@ -34,7 +34,7 @@ def keep_bones(joints, moves):
         moves[END, k] = start + (end[k] + moves[END, k] - start) * size - end[k]
 
 
-@kernel(allocates=False)
+@kernel
 def keep_leg(joints, moves):
     """Let a knee go where its leg swivels about the line from hip to ankle, and a foot anywhere but down."""
     upper, middle, end = joints[UPPER], joints[MIDDLE], joints[LOWER]
@@ -51,7 +51,7 @@ def keep_leg(joints, moves):
     moves[END, 1] = max(moves[END, 1], 0.0)
 
 
-@kernel(allocates=False)
+@kernel
 def limit(moves):
     """Keep a move within ``_MOST``, smoothly."""
     far = math.sqrt(moves[0] ** 2 + moves[1] ** 2 + moves[2] ** 2)

@@ -46,7 +46,7 @@ def _pose_joint(limbs, sizes, j, pose, world):
     q[0], q[1], q[2], q[3] = multiply(rotations[p], pose[j])
 
 
-@kernel(allocates=False)
+@kernel
 def pose_chain(limbs, sizes, root, pose, world):
     """Write positions and rotations in the world of the joints of a chain; ``sizes`` (3,) are as of ``Rows``."""
     for at in range(limbs.chain.shape[0]):
@@ -60,7 +60,7 @@ def pose_chain(limbs, sizes, root, pose, world):
             _pose_joint(limbs, sizes, j, pose, world)
 
 
-@kernel(allocates=False)
+@kernel
 def pose_side(limbs, side, sizes, pose, world):
     """Write positions and rotations in the world of the joints of one limb, as ``pose_chain`` does."""
     for at in range(limbs.chain.shape[0]):
@@ -80,7 +80,7 @@ def reach_of(a, b, flexion):
     return math.sqrt(a * a + b * b + 2.0 * a * b * math.cos(flexion))
 
 
-@kernel(allocates=False)
+@kernel
 def soft_ramp(x):
     """Return a smooth bend from 0 to ``x``."""
     if abs(x) > 30.0:
@@ -88,21 +88,21 @@ def soft_ramp(x):
     return x + math.log1p(math.exp(-x)) if x > 0.0 else math.log1p(math.exp(x))
 
 
-@kernel(allocates=False)
+@kernel
 def excess(now, wanted, longest, width):
     """Return how far a limb that is ``now`` long is asked beyond its length; smooth, so it begins a little before."""
     edge = longest - 1.5 * width
     return width * (soft_ramp((wanted - edge) / width) - soft_ramp((now - edge) / width))
 
 
-@kernel(allocates=False)
+@kernel
 def flexion_at(a, b, distance):
     """Return the flexion at which two bones have their ends so far apart."""
     cosine = (distance * distance - a * a - b * b) / (2.0 * a * b)
     return math.acos(min(max(cosine, -1.0), 1.0))
 
 
-@kernel(allocates=False)
+@kernel
 def bend_axis(u, v, a, b, hinge):
     """Return the axis that two bones ``u`` and ``v`` of lengths ``a`` and ``b`` bend about.
 
@@ -125,7 +125,7 @@ def bend_axis(u, v, a, b, hinge):
     return nx / size, ny / size, nz / size
 
 
-@kernel(allocates=False)
+@kernel
 def solve_bend(u, v, a, b, axis, flexion, change):
     """Return the rotation about an axis that changes the flexion by ``change``, and the way to the end after it.
 
@@ -147,7 +147,7 @@ def solve_bend(u, v, a, b, axis, flexion, change):
     return bend, end
 
 
-@kernel(allocates=False)
+@kernel
 def shortest_rotation(e, g):
     """Return the shortest rotation that lays one vector along another, and whether there is one."""
     size = math.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
@@ -162,7 +162,7 @@ def shortest_rotation(e, g):
     return (w / size, x / size, y / size, z / size), True
 
 
-@kernel(allocates=False)
+@kernel
 def _write_local(parent, rotation, out):
     """Write a joint's local rotation, given its parent's and its own in the world."""
     w, x, y, z = multiply(conjugate(parent), rotation)
@@ -170,7 +170,7 @@ def _write_local(parent, rotation, out):
     out[0], out[1], out[2], out[3] = w * size, x * size, y * size, z * size
 
 
-@kernel(allocates=False)
+@kernel
 def bend_limb(limbs, side, pose, world, target, distance):
     """Bend a limb until its end is ``distance`` from its upper joint, and swing it to point at a target.
 
@@ -215,7 +215,7 @@ def bend_limb(limbs, side, pose, world, target, distance):
     return bend
 
 
-@kernel(allocates=False)
+@kernel
 def swivel_limb(limbs, side, pose, world, goal, straight):
     """Swivel a limb about the line from its upper joint to its end, so that its middle joint goes towards a goal.
 

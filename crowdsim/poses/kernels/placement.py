@@ -12,7 +12,7 @@ SNAP = 1e-4
 """Distance from a playback frame within which a time lies on it [playback frames]."""
 
 
-@kernel(allocates=False)
+@kernel
 def _ground_at(motion, frame):
     """Return the ground transform at a playback frame, between two if need be."""
     low = int(frame)
@@ -28,7 +28,7 @@ def _ground_at(motion, frame):
     )
 
 
-@kernel(allocates=False)
+@kernel
 def _moved(motion, ground, scale, start, end):
     """Return a ground transform after captured motion from one playback frame to another of its clip."""
     if start == end:
@@ -42,7 +42,7 @@ def _moved(motion, ground, scale, start, end):
     return x + dx * cos + dz * sin, z - dx * sin + dz * cos, turn + bh
 
 
-@kernel(allocates=False)
+@kernel
 def _shifted(ground, scale, shift):
     """Return the ground transform that a shift leads to, by the size of its body."""
     x, z, heading = ground
@@ -54,7 +54,7 @@ def _shifted(ground, scale, shift):
     )
 
 
-@kernel(allocates=False)
+@kernel
 def _unshifted(ground, scale, shift):
     """Return the ground transform from which a shift leads to the given one."""
     x, z, heading = ground
@@ -63,7 +63,7 @@ def _unshifted(ground, scale, shift):
     return x - shift[X] * cos - shift[Z] * sin, z + shift[X] * sin - shift[Z] * cos, heading
 
 
-@kernel(allocates=False)
+@kernel
 def place_at(rows, motion, time, n):
     """Return playback frame, fraction to the next, and ground transform of an avatar; frame -1 if absent."""
     clock = time * rows.rate - rows.first
@@ -134,7 +134,7 @@ def _pushed(rows, motion, ground, n, before, part, exact, split):
     return x + (other[X] - x) * part, z + (other[Z] - z) * part, heading + turn * part
 
 
-@kernel(allocates=False)
+@kernel
 def find_playback(first, stop, rows, motion, moments, playback):
     """Find where avatars are.
 

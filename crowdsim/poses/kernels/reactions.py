@@ -69,14 +69,14 @@ class Trunk(NamedTuple):
     gains: NDArray[np.float64]
 
 
-@kernel(allocates=False)
+@kernel
 def _response(since):
     """Return the response to a blow: 1 after ``RISE``, at rest after ``LENGTH``."""
     part = since / RISE
     return part**3 * math.exp(3.0 - 3.0 * part) * (1.0 - minimum_jerk((since - FADES) / (LENGTH - FADES)))
 
 
-@kernel
+@kernel(allocates=True)
 def strengthen(blows, gains, own, rooms):
     """Return how far each blow turns its victim: so far that head or neck come as far as the blow alone brings them.
 
@@ -120,7 +120,7 @@ def strengthen(blows, gains, own, rooms):
     return axes
 
 
-@kernel(allocates=False)
+@kernel
 def _sum_blows(blows, n, time, recent, spin, push, gloves):
     """Write what all blows at a time turn head and torso by, and push pelvis and hands; return if there are any."""
     active = False
@@ -140,7 +140,7 @@ def _sum_blows(blows, n, time, recent, spin, push, gloves):
     return active
 
 
-@kernel(allocates=False)
+@kernel
 def _turn_trunk(trunk, pose, spin, rotations):
     """Turn the joints of a trunk in the world, each by its share of what head and torso turn, up to its limit."""
     for at in range(trunk.chain.shape[0]):
@@ -162,7 +162,7 @@ def _turn_trunk(trunk, pose, spin, rotations):
             q[0], q[1], q[2], q[3] = multiply(rotations[p], pose[j])
 
 
-@kernel(allocates=False)
+@kernel
 def _push_hands(arms, sizes, root, pose, world, gloves):
     """Move the wrists of a pose."""
     for hand in range(2):
@@ -173,7 +173,7 @@ def _push_hands(arms, sizes, root, pose, world, gloves):
             point_arm(arms, hand, pose, world, target)
 
 
-@kernel
+@kernel(allocates=True)
 def show_reactions(first, stop, moments, blows, trunk, arms, legs, sizes, recent, poses):
     """Add reactions to poses, in place.
 

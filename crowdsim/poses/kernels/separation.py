@@ -49,7 +49,7 @@ def _are_apart(p, q, r, s, least):
     )
 
 
-@kernel(allocates=False)
+@kernel
 def _overlap(own, other, radii, others, x, z):
     """Return how deep a body is in another one that is moved over the ground [m]; negative where they are apart.
 
@@ -80,7 +80,7 @@ def _between(own, other):
     )
 
 
-@kernel(allocates=False)
+@kernel
 def _are_beside(own, other, radii, others, x, z):
     """Return whether bodies do not reach each other along the way between them, of length 1."""
     low, high = math.inf, -math.inf
@@ -92,7 +92,7 @@ def _are_beside(own, other, radii, others, x, z):
     return low - high > _CLEAR
 
 
-@kernel(allocates=False)
+@kernel
 def _depth(own, other, radii, others):
     """Return how deep a body is in another one [m]; less than ``-_GIVES`` where they are apart."""
     x, z = _between(own, other)
@@ -102,7 +102,7 @@ def _depth(own, other, radii, others):
     return _overlap(own, other, radii, others, 0.0, 0.0)
 
 
-@kernel(allocates=False)
+@kernel
 def _way_around(points, t, a, b, around):
     """Return the way between two bodies, of length 1, where they are nearest within so many times of a time."""
     least, x, z = math.inf, 0.0, 0.0
@@ -125,7 +125,7 @@ def _way_around(points, t, a, b, around):
     return x, z
 
 
-@kernel(allocates=False)
+@kernel
 def _push_pair(points, radii, t, a, b, around, pushes):
     """Add what two bodies push each other away."""
     own, other = points[t, a], points[t, b]
@@ -164,7 +164,7 @@ def _note_places(points, t, order, xs, zs):
         xs[n], zs[n] = pelvis[0], pelvis[2]
 
 
-@kernel
+@kernel(allocates=True)
 def find_touching(first, stop, points, radii, order, touching):
     """Find which bodies are, at any of T times, in another one, or so near that they give way.
 
@@ -194,7 +194,7 @@ def find_touching(first, stop, points, radii, order, touching):
                     touching[a] = touching[b] = True
 
 
-@kernel
+@kernel(allocates=True)
 def push_trunks(first, stop, points, radii, order, times, around, pushes):
     """Find how far bodies are pushed out of one another, at R of T times.
 
@@ -232,7 +232,7 @@ def push_trunks(first, stop, points, radii, order, times, around, pushes):
                 found[n, 1] *= kept
 
 
-@kernel(allocates=False)
+@kernel
 def shift_roots(first, stop, moments, pushes, poses):
     """Move whole poses as far as their trunks give way, in place.
 

@@ -5,7 +5,7 @@ import math
 from crowdsim.jit import kernel
 
 
-@kernel(allocates=False)
+@kernel
 def spline_weights(u):
     """Return the weights of four values in a cubic B-spline, at a share of the way from the second to the third."""
     v = 1.0 - u
@@ -13,7 +13,7 @@ def spline_weights(u):
     return first, second, 1.0 - first - second - fourth, fourth
 
 
-@kernel(allocates=False)
+@kernel
 def spline_of(offsets, time, n):
     """Return the number of an avatar at a time: a cubic B-spline over frames, whose ends repeat.
 
@@ -31,7 +31,7 @@ def spline_of(offsets, time, n):
     return value
 
 
-@kernel(allocates=False)
+@kernel
 def spline_at(offsets, time, n):
     """Return two numbers of an avatar at a time, of values (R, n, 2); see ``spline_of``."""
     clock = time * offsets.rate - offsets.first

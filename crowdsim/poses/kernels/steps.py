@@ -45,7 +45,7 @@ class StepRules(NamedTuple):
     drag_anyhow: float
 
 
-@kernel(allocates=False)
+@kernel
 def _plant_at(plants, n, foot, time):
     """Return beginning and end of the foot plant at a time, and the time in the air before it.
 
@@ -58,7 +58,7 @@ def _plant_at(plants, n, foot, time):
     return 0.0, -1.0, HOP
 
 
-@kernel(allocates=False)
+@kernel
 def _plan_foot(transition, foot, transitions, plants, motion, scale, rules, gait, near, steps):
     """Decide what a foot does about one transition; return how long the step takes that it needs, 0 without [s]."""
     time, move = transitions.times[transition], steps.moves[transition, foot]
@@ -91,7 +91,7 @@ def _plan_foot(transition, foot, transitions, plants, motion, scale, rules, gait
     return 0.0
 
 
-@kernel(allocates=False)
+@kernel
 def _leader(transition, transitions, motion, gaps):
     """Return the foot that leads the way at a transition, and steps first where both do."""
     holds, heading = motion.holds[transitions.after[transition]], transitions.ground[transition, HEADING]
@@ -102,7 +102,7 @@ def _leader(transition, transitions, motion, gaps):
     return 0 if along > 0.0 else 1
 
 
-@kernel
+@kernel(allocates=True)
 def plan_steps(first, stop, transitions, plants, motion, toes, scales, rules, gait, steps):
     """Decide what feet of avatars do about transitions.
 

@@ -6,7 +6,7 @@ from crowdsim.jit import kernel
 from crowdsim.poses.kernels.columns import ARM, LEG
 
 
-@kernel(allocates=False)
+@kernel
 def stretch_limbs(first, stop, parents, segments, stretches, positions):
     """Move joints to where longer or shorter legs and arms have them, in place.
 

@@ -9,7 +9,7 @@ _ROUNDS, _BESIDE, _ENOUGH = 60, 12, 1e-4
 hands, and distance from the surface that may be left [m]."""
 
 
-@kernel(allocates=False)
+@kernel
 def _deepest_ball(point, offsets, radii, first, stop, starts, axes, thick):
     """Return how far outside of capsules the ball is that is deepest in them, and the way out, of length 1."""
     least, x, y, z = math.inf, 0.0, 0.0, 0.0
@@ -37,7 +37,7 @@ def _go_out(point, way, far):
     point[2] += far * way[3]
 
 
-@kernel(allocates=False)
+@kernel
 def touch_bodies(low, high, offsets, radii, deep, lifted, surface, beside, found):
     """Move strikers ``low`` to ``high`` so that they touch bodies, see ``outlines.touch_surface``.
 

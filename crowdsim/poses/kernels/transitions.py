@@ -28,13 +28,13 @@ from crowdsim.poses.kernels.columns import (
 from crowdsim.poses.kernels.placement import place_at
 
 
-@kernel(allocates=False)
+@kernel
 def _doubles(q):
     """Return a quaternion in double precision."""
     return np.float64(q[0]), np.float64(q[1]), np.float64(q[2]), np.float64(q[3])
 
 
-@kernel(allocates=False)
+@kernel
 def _write_rotation_vector(old, new, out):
     """Write the rotation vector that leads from one quaternion to another."""
     w, x, y, z = relative(old, new)
@@ -45,7 +45,7 @@ def _write_rotation_vector(old, new, out):
     out[0], out[1], out[2] = x * share, y * share, z * share
 
 
-@kernel(allocates=False)
+@kernel
 def _write_swing_and_twist(old, new, out):
     """Write the level rotation vector, with the angle about +y that follows it as y, that lead from one to another."""
     w, x, y, z = relative(old, new)
@@ -57,7 +57,7 @@ def _write_swing_and_twist(old, new, out):
     out[1] = 2.0 * half
 
 
-@kernel(allocates=False)
+@kernel
 def _rotate_about_y(heading, vector):
     """Rotate a vector about +y, in place."""
     cos, sin = math.cos(heading), math.sin(heading)
@@ -65,7 +65,7 @@ def _rotate_about_y(heading, vector):
     vector[0], vector[2] = x * cos + z * sin, z * cos - x * sin
 
 
-@kernel(allocates=False)
+@kernel
 def cross_gap(share, tilt, swing, twist):
     """Return a share of a gap: of the rotation ``swing``, a vector, and then of the one about +y, ``twist``."""
     q = from_vector(tilt * swing[0], tilt * swing[1], tilt * swing[2])
@@ -74,7 +74,7 @@ def cross_gap(share, tilt, swing, twist):
     return rotate_about_y(math.cos(0.5 * share * twist), math.sin(0.5 * share * twist), q)
 
 
-@kernel(allocates=False)
+@kernel
 def _write_returns(gap, returns):
     """Write the rotations of a foot, and of its toes on it, back over a gap."""
     foot = cross_gap(1.0, 1.0, (gap[FOOT_X], 0.0, gap[FOOT_Z]), gap[FOOT_Y])
@@ -83,7 +83,7 @@ def _write_returns(gap, returns):
         returns[k, 0], returns[k, 1], returns[k, 2], returns[k, 3] = conjugate(q)
 
 
-@kernel(allocates=False)
+@kernel
 def measure_gaps(transition, transitions, motion, toes, scale, steps):
     """Write how far held points of the feet jump, and by which rotations feet jump and toes on them."""
     old, new = transitions.before[transition], transitions.after[transition]
@@ -114,7 +114,7 @@ def measure_gaps(transition, transitions, motion, toes, scale, steps):
         _write_returns(gap, steps.returns[transition, foot])
 
 
-@kernel(allocates=False)
+@kernel
 def _compare_signs(before, after, signs):
     """Write for each joint whether its quaternion goes on with the other sign, and whether any does."""
     joints = before.shape[0]
@@ -128,7 +128,7 @@ def _compare_signs(before, after, signs):
             signs[joints] = 1
 
 
-@kernel(allocates=False)
+@kernel
 def measure_transitions(first, stop, rows, motion, transitions):
     """Measure how motion jumps at transitions ``first`` to ``stop``.
 

@@ -29,7 +29,7 @@ class Turning(NamedTuple):
     of_root: bool
 
 
-@kernel
+@kernel(allocates=True)
 def turn_joints(first, stop, moments, angles, turning, poses):
     """Turn joints between root and head, in place.
 

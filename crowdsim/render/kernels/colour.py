@@ -10,7 +10,7 @@ from crowdsim.jit import kernel
 from crowdsim.render.kernels.tiles import FLAGS, HALF, ONE, TINY, TWO, ZERO, F, N
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def paint_points(buf, lit, count, camera, light):
     """Add the colour of every point to its pixel: sun, sky, light from the floor, gloss and haze."""
     points, pixels = lit.values, lit.pixels
@@ -62,7 +62,7 @@ def paint_points(buf, lit, count, camera, light):
         buf[tiles.BLUE + i] += clear * blue + share * far_blue
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def add_flashes(buf, x0, y0, flashes):
     """Add a mark of light for every flash whose square touches the tile.
 
@@ -120,7 +120,7 @@ def _mark(outcome, x, y, square, age):
     return 0.7 / (1.0 + 300.0 * arm * arm) if square < 0.3 else 0.0
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def develop(buf, packed, x0, y0, out):
     """Write a tile's linear colours as bytes; with a fourth channel as colours of figures alone, and how they cover."""
     is_clear = out.shape[2] == 4

@@ -19,7 +19,7 @@ from crowdsim.jit import kernel
 from crowdsim.render.kernels.tiles import FAR, FLAGS, HALF, ONE, TINY, TWO, ZERO, F, N, U
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def start_tile(buf, x0, y0, camera):
     """Write the ray of every pixel, and empty the lists of what they meet."""
     inverse = F(1.0 / camera.focal)
@@ -83,7 +83,7 @@ def sort_in(buf, i, index, t, s, cover):
         edge_i = old_i if nearer else edge_i
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def meet_cone(buf, start, stop, index, cone):
     """Let the rays of pixels ``start`` to ``stop`` of a tile meet one rounded cone, and sort that in by distance."""
     mx, my, mz, hx, hy, hz, r, k = cone

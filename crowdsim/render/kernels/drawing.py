@@ -14,7 +14,7 @@ from crowdsim.render.kernels.skins import meet_skins
 from crowdsim.render.kernels.tiles import FLAGS, F, N
 
 
-@kernel(fastmath=FLAGS)
+@kernel(allocates=True, fastmath=FLAGS)
 def draw_tiles(first, step, cameras, lights, scene, skins, grids, arenas, flashes, out):
     """Draw every ``step``-th tile of a picture, from tile ``first`` on.
 

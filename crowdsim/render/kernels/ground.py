@@ -9,7 +9,7 @@ from crowdsim.jit import kernel
 from crowdsim.render.kernels.tiles import FLAGS, HALF, ONE, TWO, ZERO, F, N
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def lay_ground(buf, camera):
     """Write where every ray meets the floor, relative to the eye, and how wide the pixel lies there."""
     height = F(camera.eye_y)
@@ -28,21 +28,21 @@ def lay_ground(buf, camera):
         buf[tiles.WIDTH_Z + i] = max(wide * ax + long * az, F(1e-6))
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _rise(x):
     """Integral of a square wave that is +1 and -1 on alternate units."""
     half = x * HALF
     return ONE - abs((half - np.floor(half)) * TWO - ONE)
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _checks(x, w):
     """Mean of that square wave over a window of width ``w``, faded out where the window holds several units."""
     mean = (_rise(x + HALF * w) - _rise(x - HALF * w)) / w
     return mean * min(max(F(1.6) - F(0.8) * w, ZERO), ONE)
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _stripes(x, w, thick):
     """Share of a window of width ``w`` that lies on a line of width ``thick`` about every whole number."""
     low, high = x - HALF * w + HALF * thick, x + HALF * w + HALF * thick
@@ -50,7 +50,7 @@ def _stripes(x, w, thick):
     return ((above - below) * thick + min(high - above, thick) - min(low - below, thick)) / w
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def lay_arena(buf, camera, arena):
     """Write which share of every pixel lies on the line around the arena, and which outside it."""
     for i in range(N):
@@ -78,7 +78,7 @@ def lay_arena(buf, camera, arena):
         buf[tiles.OUTSIDE + i] = min(max(beyond / w + HALF, ZERO), ONE)
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def paint_background(buf, points, camera, light):
     """Write the colour of floor and sky: squares of 1 m, lines every 5 m, fine ones every 0.1 m near the eye.
 

@@ -9,7 +9,7 @@ from crowdsim.jit import kernel
 from crowdsim.render.kernels.tiles import FAR, FLAGS, HALF, ONE, ZERO, F, N
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _add_point(lit, count, buf, i, c, t, s, share, scene):
     """Note that pixel ``i`` shows cone ``c`` at ``t``, where the normal points away from c(s)."""
     points, cones, paints = lit.values, scene.cones, scene.paints
@@ -37,7 +37,7 @@ def _add_point(lit, count, buf, i, c, t, s, share, scene):
     lit.ids[count], lit.pixels[count] = c, i
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _add_layer(lit, count, buf, i, layer, t, share, layers):
     """Note that pixel ``i`` shows a layer of skin at ``t``."""
     points, values, at = lit.values, layers.values, layer * tiles.LAYER
@@ -65,7 +65,7 @@ def _add_layer(lit, count, buf, i, layer, t, share, layers):
     lit.ids[count], lit.pixels[count] = home if home >= 0 else tiles.NOTHING, i
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _share_crossing(buf, points, i, front, count, gap, rest):
     """Share a pixel between two surfaces that cross near it, points ``front`` and ``count``; return 1 where they do."""
     dx, dy, dz = buf[tiles.DX + i], buf[tiles.DY + i], buf[tiles.DZ + i]
@@ -82,7 +82,7 @@ def _share_crossing(buf, points, i, front, count, gap, rest):
     return 0
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def gather_points(buf, listed, has_skins, camera, scene, layers, lit):
     """List the points that a tile shows, each with its share of the pixel; return how many.
 

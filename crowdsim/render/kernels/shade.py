@@ -12,7 +12,7 @@ _ROUNDING = F(0.002)
 """How much further shadows may reach in single numbers [m]."""
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _cell(u, v, plane):
     """Return the number of the cell of a plane that a place lies in, -1 outside."""
     per_metre = F(plane.per_metre)
@@ -22,7 +22,7 @@ def _cell(u, v, plane):
     return -1
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _collect(points, start, stop, axes, plane, lists, room, most):
     """List every cone of the cells of a grid that some points may lie in, each once.
 
@@ -68,7 +68,7 @@ def _collect(points, start, stop, axes, plane, lists, room, most):
     return count
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _cast_shadow(points, start, c, shades, sun):
     """Take from eight points the share of the sun that cone ``c`` hides from them.
 
@@ -102,7 +102,7 @@ def _cast_shadow(points, start, c, shades, sun):
         points[tiles.AT_SUN + p] = min(points[tiles.AT_SUN + p], ONE - dark)
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _cast_shadows(points, start, stop, listed, shades, light):
     """Take from some points, eight at a time, the share of the sun that each of some cones hides.
 
@@ -134,7 +134,7 @@ def _cast_shadows(points, start, stop, listed, shades, light):
                 _cast_shadow(points, low, c, shades, sun)
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def find_sun(lit, count, light, shades, plane, lists, room):
     """Write the share of the sun that every point sees past all cones."""
     points, near = lit.values, room.cones
@@ -166,7 +166,7 @@ def find_sun(lit, count, light, shades, plane, lists, room):
                     _cast_shadows(points, p - p % 8, p + 1, listed, shades, light)
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _cover_sky(points, ids, start, stop, only, c, cones, strength, reach):
     """Take from the points of cone ``only`` the share of their sky that cone ``c`` hides, none beyond ``reach``."""
     mx, my, mz, r, k = cones[c].centre_x, cones[c].centre_y, cones[c].centre_z, cones[c].radius, cones[c].taper
@@ -191,7 +191,7 @@ def _cover_sky(points, ids, start, stop, only, c, cones, strength, reach):
         points[tiles.AT_SKY + p] = free * (ONE - strength * share) if ids[p] == only else free
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def find_sky(lit, count, scene, plane, lists, reach, room):
     """Write the share of the sky that every point sees past what is near it: feet on the floor, limbs on a body."""
     points, ids, near, stamps = lit.values, lit.ids, room.cones, room.stamps

@@ -22,7 +22,7 @@ _APART = F(0.04)
 """Difference of depth from which samples of one avatar are on surfaces of their own [m]."""
 
 
-@kernel(allocates=False)
+@kernel
 def project_skins(low, high, vertices, cameras, out):
     """Write where vertices ``low`` to ``high`` are in the picture.
 
@@ -49,7 +49,7 @@ def project_skins(low, high, vertices, cameras, out):
         out[v, 2] = over
 
 
-@kernel(allocates=False)
+@kernel
 def choose_triangles(triangles, screen, width, height, columns, offsets, chosen, spans):
     """Choose the triangles that may show, count them for each tile of 8 x 8 pixels, and return how many they are.
 
@@ -95,7 +95,7 @@ def choose_triangles(triangles, screen, width, height, columns, offsets, chosen,
     return count
 
 
-@kernel(allocates=False)
+@kernel
 def list_triangles(chosen, spans, columns, offsets, entries):
     """Write the chosen triangles of each tile, ascending, into ``entries``; ``offsets`` comes back as it was."""
     for index in range(chosen.shape[0]):
@@ -109,7 +109,7 @@ def list_triangles(chosen, spans, columns, offsets, entries):
     offsets[0] = 0
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def meet_skins(buf, x0, y0, listed, skins, layers):
     """Let the pixels of a tile meet some triangles, and sort the layers that they show in by distance.
 
@@ -131,7 +131,7 @@ def meet_skins(buf, x0, y0, listed, skins, layers):
         count = _gather_layers(buf, i, x0, y0, listed, skins, layers, count)
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _cover_samples(samples, x0, y0, index, face, skins):
     """Write a triangle where it is the nearest at a sample."""
     corners, screen = skins.triangles, skins.screen
@@ -178,7 +178,7 @@ def _bounds(ax, ay, bx, by):
     return -FAR, ZERO, FAR, ZERO
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _gather_layers(buf, i, x0, y0, listed, skins, layers, count):
     """Make layers of the samples of a pixel, from near to far, and sort them in; return how many layers there are."""
     samples, values = layers.samples, layers.values
@@ -218,7 +218,7 @@ def _gather_layers(buf, i, x0, y0, listed, skins, layers, count):
     return count
 
 
-@kernel(allocates=False, fastmath=FLAGS)
+@kernel(fastmath=FLAGS)
 def _write_normal(x0, y0, sample, face, skins, layers, count):
     """Write the normal that a triangle has at a sample as that of a layer."""
     corners, screen, normals = skins.triangles, skins.screen, skins.normals

@@ -6,7 +6,7 @@ from crowdsim.jit import kernel
 from crowdsim.poses.kernels.capsules import NEAR, are_near, capsule_depth
 
 
-@kernel(allocates=False)
+@kernel
 def _compare(capsules, arms, t, a, b, deepest):
     """Raise the greatest depths of two bodies to how deep they are in one another."""
     for i in range(capsules.counts[a]):
@@ -21,7 +21,7 @@ def _compare(capsules, arms, t, a, b, deepest):
                 deepest[t, b, kind] = max(deepest[t, b, kind], depth)
 
 
-@kernel(allocates=False)
+@kernel
 def find_penetrations(first, stop, capsules, arms, order, deepest):
     """Find how deep each avatar is in another one, or another one in it.
 

@@ -13,7 +13,7 @@ from crowdsim.training.kernels.successors import (
 )
 
 
-@kernel(allocates=False)
+@kernel
 def back_up_action(model, layers, values, action, found, changed, row):
     """Write Q(action, .) for all cells to ``row``, by interpolated V.
 
@@ -43,7 +43,7 @@ def back_up_action(model, layers, values, action, found, changed, row):
             row[model.landed_cells[entry]] += probability * model.landed_rewards[entry]
 
 
-@kernel(allocates=False)
+@kernel
 def _add_values(found, across, layers, low, high, later, factor, probability, near, row):
     """Add what an action earns and what follows it in layers ``low`` to ``high``, landed strikes left out.
 

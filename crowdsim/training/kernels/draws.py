@@ -6,7 +6,7 @@ from crowdsim.core.random import mix
 from crowdsim.jit import kernel
 
 
-@kernel(allocates=False)
+@kernel
 def draw_number(seed, index, offset):
     """Return a number in [0, 1) that depends on three whole numbers alone."""
     bits = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15)

@@ -74,7 +74,7 @@ class Room(NamedTuple):
     nodes: Any
 
 
-@kernel
+@kernel(allocates=True)
 def run_episodes(rules, states, targets, numbers, out, used):
     """Play episodes; write what came of them.
 
@@ -140,7 +140,7 @@ def _choose(rules, state, target, decision, room):
     return best_by_search(rules.judge, 0, state, target, rules.width, rules.depth, room.nodes)
 
 
-@kernel(allocates=False)
+@kernel
 def _note_rewards(rules, action, target, frame, out):
     """Add the discounted reward of an action, with the price of transitions and without it."""
     behaviour, cost = rules.judge.behaviours[0], rules.judge.actions.costs[action]
@@ -151,7 +151,7 @@ def _note_rewards(rules, action, target, frame, out):
     out.earned += faded * (earned + price)
 
 
-@kernel(allocates=False)
+@kernel
 def _note_distances(rules, action, target, frame, out):
     """Note how near the avatar comes to the target, and when it has arrived."""
     actions = rules.judge.actions
@@ -166,7 +166,7 @@ def _note_distances(rules, action, target, frame, out):
                 out.arrived = frame + t
 
 
-@kernel(allocates=False)
+@kernel
 def _note_strikes(rules, action, target, frame, out):
     """Count the strikes that land, and note when the first one does."""
     actions, terms, behaviour = rules.judge.actions, rules.judge.terms, rules.judge.behaviours[0]

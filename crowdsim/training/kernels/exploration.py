@@ -31,19 +31,19 @@ class Learning(NamedTuple):
     seed: Any
 
 
-@kernel(allocates=False)
+@kernel
 def _first_draw(learning, entry):
     """Return the number at which the draws of an entry begin."""
     return draw_number(learning.seed, entry, np.uint64(OFFSET))
 
 
-@kernel(allocates=False)
+@kernel
 def _step_size(learning, entry):
     """Return alpha of an entry."""
     return learning.step_sizes[min(learning.visits[entry], len(learning.step_sizes) - 1)]
 
 
-@kernel(allocates=False)
+@kernel
 def _observe(model, layers, q, action, m, h, draw, found):
     """Do one trial of an action with the target in cell (m, h); return r + gamma^T max over a' of Q(a', e)."""
     outcome = 0

@@ -7,7 +7,7 @@ from crowdsim.training.kernels.backup import back_up_action
 from crowdsim.training.kernels.successors import empty_successors
 
 
-@kernel
+@kernel(allocates=True)
 def q_from_values(low, high, model, layers, values, out):
     """Write Q(a, c) of every action of states ``low`` to ``high`` by interpolated V, in the layout of a Q-table."""
     cells = len(model.xs) * layers

@@ -14,7 +14,7 @@ from crowdsim.training.kernels.successors import (
 )
 
 
-@kernel
+@kernel(allocates=True)
 def improve(low, high, model, layers, values, first, every, out, changes):
     """Do a Bellman sweep over some states: V'(s, c) = max over a of Q(a, c).
 
@@ -48,7 +48,7 @@ def improve(low, high, model, layers, values, first, every, out, changes):
         changes[s] = _greatest_change(values[s * cells : (s + 1) * cells], best)
 
 
-@kernel(allocates=False)
+@kernel
 def _raise_to_action(model, layers, values, action, found, later, best):
     """Raise the best values to Q(action, .) where that is greater, for a target at rest.
 
@@ -87,7 +87,7 @@ def _value_between(later, corners, weights, h):
     return w0 * later[e0 + h] + w1 * later[e1 + h] + w2 * later[e2 + h] + w3 * later[e3 + h]
 
 
-@kernel(allocates=False)
+@kernel
 def _raise_layers(found, across, layers, later, discount, near, best):
     """Do what ``_raise_to_action`` does where no strike lands.
 
@@ -104,7 +104,7 @@ def _raise_layers(found, across, layers, later, discount, near, best):
             best[at + h] = max(_value_between(later, corners, weights, h) + earned, best[at + h])
 
 
-@kernel(allocates=False)
+@kernel
 def _raise_by_four(found, across, layers, later, discount, near, best):
     """Do the same for four layers at a time, which is faster; the last four may overlap with those before."""
     wide, last = len(near) > 1, np.uint64(layers - 4)
@@ -126,7 +126,7 @@ def _raise_by_four(found, across, layers, later, discount, near, best):
             best[c + np.uint64(3)] = v3 if v3 > b3 else b3
 
 
-@kernel(allocates=False)
+@kernel
 def _raise(best, row):
     """Raise the best values to others where those are greater."""
     for i in range(len(best)):
@@ -134,7 +134,7 @@ def _raise(best, row):
         best[c] = row[c] if row[c] > best[c] else best[c]
 
 
-@kernel(allocates=False)
+@kernel
 def _greatest_change(before, after):
     """Return the greatest difference of two rows."""
     change = np.float32(0.0)

@@ -62,7 +62,7 @@ class Judged(NamedTuple):
     prices: Any
 
 
-@kernel
+@kernel(allocates=True)
 def fill_action_values(low, high, actions, learned, places, out):
     """Write Q of actions ``low`` to ``high`` for each target, by looking one action ahead.
 
@@ -93,7 +93,7 @@ def fill_action_values(low, high, actions, learned, places, out):
         _add_values_behind(learned, action, actions.next[action], found, layers, shares, total)
 
 
-@kernel(allocates=False)
+@kernel
 def _add_landed(actions, action, learned, places, total):
     """Add what the strikes of an action earn that land on the targets."""
     if actions.strike_offsets[action] < actions.strike_offsets[action + 1]:
@@ -111,7 +111,7 @@ def _add_landed(actions, action, learned, places, total):
             total[m] += earned_where(actions, action, target, learned.terms, learned.log_discount)
 
 
-@kernel(allocates=False)
+@kernel
 def _change_layers(learned, action, corners, layers, shares):
     """Write the layers around each target as it is seen after an action, and their shares."""
     for m in range(layers.shape[1]):
@@ -120,7 +120,7 @@ def _change_layers(learned, action, corners, layers, shares):
             layers[corner, m], shares[corner, m] = corners.cells[corner], corners.weights[corner]
 
 
-@kernel(allocates=False)
+@kernel
 def _add_values_behind(learned, action, state, found, layers, shares, total):
     """Add the discounted V of the state behind an action, where ``found`` says that targets are seen."""
     values, across = learned.values[state], np.int64(learned.axes[DISTANCE].stride)
@@ -133,7 +133,7 @@ def _add_values_behind(learned, action, state, found, layers, shares, total):
             total[m] += shares[side, m] * value
 
 
-@kernel
+@kernel(allocates=True)
 def action_spreads(low, high, offsets, values, out):
     """Write by how much the best action of each state is better than the median one; NaN where there is only one.
 
@@ -153,7 +153,7 @@ def action_spreads(low, high, offsets, values, out):
             out[s, m] = spread_of(row, n) if n > 1 else np.nan
 
 
-@kernel(allocates=False)
+@kernel
 def spread_of(values, n):
     """Return the greatest of ``n`` values less their median; the values are reordered."""
     upper = _nth_smallest(values, n, n // 2)  # those before it are not greater, those behind it not smaller
@@ -165,7 +165,7 @@ def spread_of(values, n):
     return greatest - (upper if n % 2 == 1 else (lower + upper) / 2)
 
 
-@kernel(allocates=False)
+@kernel
 def _nth_smallest(values, n, place):
     """Return the value that comes ``place``-th, counted from 0, in ascending order of the first ``n``; reorder them."""
     low, high = 0, n - 1
@@ -190,7 +190,7 @@ def _nth_smallest(values, n, place):
     return values[place]
 
 
-@kernel
+@kernel(allocates=True)
 def judge_transitions(low, high, offsets, jumps, judged, most, keep, gains):
     """Mark the actions of each state that are worth keeping, and write what each adds (``pruning.judge_transitions``).
 
@@ -217,7 +217,7 @@ def judge_transitions(low, high, offsets, jumps, judged, most, keep, gains):
         _keep_best(values, best, most, keep[first:end], gains[first:end])
 
 
-@kernel(allocates=False)
+@kernel
 def _weigh_action(judged, action, out):
     """Write what an action is worth to each behaviour, target by target, and then to all of them together.
 
@@ -238,14 +238,14 @@ def _weigh_action(judged, action, out):
             out[behaviours * targets + m] = total + (prices - highest if active > 1 else 0.0)
 
 
-@kernel(allocates=False)
+@kernel
 def _raise(best, values):
     """Raise the best values to others where those are greater."""
     for m in range(len(best)):
         best[m] = max(best[m], values[m])
 
 
-@kernel(allocates=False)
+@kernel
 def _keep_best(values, best, most, keep, gains):
     """Keep the actions of one state one by one, always the one that adds most to the best values."""
     for _ in range(most):

@@ -34,7 +34,7 @@ class Chase(NamedTuple):
     candidates: Any
 
 
-@kernel
+@kernel(allocates=True)
 def pursue(tables, weights, chase, states, bearings, out):
     """Let one avatar after another follow a target that flees straight away from it; write how far behind it is.
 
@@ -69,7 +69,7 @@ def pursue(tables, weights, chase, states, bearings, out):
             state, frame, decision = np.int64(actions.next[a]), frame + actions.lengths[a], decision + 1
 
 
-@kernel(allocates=False)
+@kernel
 def _add_distances(actions, action, seen, frame, chase, total):
     """Return a mean distance with the share of the frames of an action added."""
     for t in range(1, actions.lengths[action] + 1):

@@ -6,7 +6,7 @@ from crowdsim.jit import kernel
 from crowdsim.training.kernels.successors import DISTANCE, corners_of, empty_successors, find_successor, weights_of
 
 
-@kernel(allocates=False)
+@kernel
 def earned_in(model, outcome, action, m, cell):
     """Return r(a, c, o) of one cell, which is in the moving cell ``m``."""
     row = outcome * len(model.next) + action
@@ -25,7 +25,7 @@ def earned_in(model, outcome, action, m, cell):
     return earned + model.landed_rewards[low] if low < end and model.landed_cells[low] == cell else earned
 
 
-@kernel(allocates=False)
+@kernel
 def expected_reward(model, action, m, cell):
     """Return r(a, c), averaged over the velocities of the target."""
     total = model.probabilities[0] * earned_in(model, 0, action, m, cell)
@@ -34,7 +34,7 @@ def expected_reward(model, action, m, cell):
     return total
 
 
-@kernel(fastmath={"nnan", "nsz", "reassoc", "contract"}, allocates=False)
+@kernel(fastmath={"nnan", "nsz", "reassoc", "contract"})
 def _greatest_between(q, n, corners, weights):
     """Return the greatest interpolated Q of a state from the first entries of four cells and their weights."""
     w0, w1, w2, w3 = weights
@@ -46,7 +46,7 @@ def _greatest_between(q, n, corners, weights):
     return best
 
 
-@kernel(allocates=False)
+@kernel
 def best_after(model, layers, q, outcome, action, m, h, found):
     """Return gamma^T max over a' of interpolated Q(a', e) behind an action in cell (m, h).
 
@@ -61,7 +61,7 @@ def best_after(model, layers, q, outcome, action, m, h, found):
     return _greatest_between(q, n, corners, weights_of(found, 0, np.float32(1.0)))
 
 
-@kernel(allocates=False)
+@kernel
 def best_entry(q, first, n):
     """Return the entry of the greatest of ``n`` values from entry ``first`` on, the first among equals."""
     best = 0
@@ -70,7 +70,7 @@ def best_entry(q, first, n):
     return first + best
 
 
-@kernel(allocates=False)
+@kernel
 def _back_up_q(model, layers, q, action, m, h, found):
     """Return the paper's backup of one entry: r + gamma^T max over a' of interpolated Q(a', e), over all outcomes."""
     total = expected_reward(model, action, m, m * layers + h)
@@ -115,7 +115,7 @@ def improve_best_q(low, high, model, layers, q, entries, values):
             values[s * cells + c] = _back_up_q(model, layers, q, action, c // layers, c % layers, found)
 
 
-@kernel(allocates=False)
+@kernel
 def values_from_q(low, high, offsets, cells, q, out):
     """Write V(s, c) = max over a of Q(a, c) of states ``low`` to ``high``."""
     for s in range(low, high):
@@ -129,7 +129,7 @@ def values_from_q(low, high, offsets, cells, q, out):
             out[s * cells + c] = best
 
 
-@kernel(allocates=False)
+@kernel
 def put(low, high, q, entries, values):
     """Write values ``low`` to ``high`` to entries, no two of which are the same."""
     for place in range(low, high):

@@ -5,7 +5,7 @@ import numpy as np
 from crowdsim.jit import kernel
 
 
-@kernel(allocates=False)
+@kernel
 def apply_along_axis(low, high, offsets, columns, weights, values, out):
     """Write a sparse matrix (n, m) times values (S, before, m, after), along their third axis, to ``out``.
 

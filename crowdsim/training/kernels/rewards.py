@@ -74,13 +74,13 @@ def _build_frames(name, read, gap):
         for m in range(len(total)):
             total[m] += best[m]
 
-    return kernel(add, allocates=False, name=f"add_{name}")
+    return kernel(add, name=f"add_{name}")
 
 
 _add_along_path = for_frame_terms(_build_frames)
 
 
-@kernel(allocates=False)
+@kernel
 def _spend_on_strikes(actions, action, places, term, log_discount, total):
     """Take what the strikes of one action cost from the total of each target."""
     for strike in range(actions.strike_offsets[action], actions.strike_offsets[action + 1]):
@@ -95,7 +95,7 @@ def _spend_on_strikes(actions, action, places, term, log_discount, total):
             total[m] -= factor * (term.effort + (term.waste if is_wasted(fist, head, term) else 0.0))
 
 
-@kernel(allocates=False)
+@kernel
 def write_near(actions, action, places, terms, once, log_discount, best, total):
     """Write what one action earns for each target, landed strikes left out.
 
@@ -122,7 +122,7 @@ def write_near(actions, action, places, terms, once, log_discount, best, total):
         total[m] += once
 
 
-@kernel
+@kernel(allocates=True)
 def fill_near(low, high, actions, places, terms, once, log_discount, out):
     """Write what actions ``low`` to ``high`` earn for targets at ``Places``, landed strikes left out.
 
@@ -133,7 +133,7 @@ def fill_near(low, high, actions, places, terms, once, log_discount, out):
         write_near(actions, action, places, terms, once[action], log_discount, best, out[action])
 
 
-@kernel(allocates=False)
+@kernel
 def earned_where(actions, action, target, terms, log_discount):
     """Return what the strikes of an action earn that land on a target."""
     found = 0.0
@@ -144,7 +144,7 @@ def earned_where(actions, action, target, terms, log_discount):
     return found
 
 
-@kernel(allocates=False)
+@kernel
 def _in_reach(actions, action, target, terms):
     """Return whether a strike of an action may land on a target, whatever its height."""
     for row in range(len(terms)):
@@ -160,7 +160,7 @@ def _in_reach(actions, action, target, terms):
     return False
 
 
-@kernel(allocates=False)
+@kernel
 def _list_landed(actions, action, targets, layers, movement, terms, log_discount, at, landed):
     """List the cells where strikes of an action land, from entry ``at`` on; return how many they are."""
     held = 0
@@ -181,7 +181,7 @@ def _list_landed(actions, action, targets, layers, movement, terms, log_discount
     return held
 
 
-@kernel(allocates=False)
+@kernel
 def fill_landed(low, high, actions, targets, layers, movements, terms, log_discount, landed):
     """Write the cells in which strikes of actions ``low`` to ``high`` land and what they earn there into ``Landed``.
 

@@ -25,7 +25,7 @@ NODE = np.dtype(
 """A node: first action of its path, state, its target, discount and reward so far, and the value with what follows."""
 
 
-@kernel
+@kernel(allocates=True)
 def best_by_search(tables, behaviour, state, target, width, depth, scratch):
     """Return the best action of a state for a target at rest.
 
@@ -57,7 +57,7 @@ def best_by_search(tables, behaviour, state, target, width, depth, scratch):
     return now[0].first_action
 
 
-@kernel(allocates=False)
+@kernel
 def _expand(tables, behaviour, y, node, corners, later, found):
     """Write the nodes that follow a node by all actions of its state from ``found`` on; return how many there are."""
     actions, log_discount = tables.actions, math.log(tables.behaviours[behaviour].discount)

@@ -66,7 +66,7 @@ class Successors(NamedTuple):
     corners: Any
 
 
-@kernel
+@kernel(allocates=True)
 def empty_successors(count):
     """Return scratch space for some moving cells."""
     return Successors(
@@ -92,7 +92,7 @@ def bearing_of(x, z):
     return -angle if x < np.float32(0.0) else angle
 
 
-@kernel(allocates=False)
+@kernel
 def find_successors(axes, end, xs, zs, found):
     """Write where targets over (xs, zs) are seen from the end of an action to ``found`` (``Successors``).
 
@@ -147,7 +147,7 @@ def weights_of(found, m, total):
     return total - far - around + both, far - both, around - both, both
 
 
-@kernel(allocates=False)
+@kernel
 def find_successor(model, outcome, action, m, found):
     """Write where the target of one moving cell is seen after an action as the only entry of ``found``."""
     find_successors(model.axes, model.ends[outcome, action], model.xs[m : m + 1], model.zs[m : m + 1], found)
@@ -175,7 +175,7 @@ def list_corners(axes, ends, xs, zs, cells, weights):
                 shares[0], shares[1], shares[2], shares[3] = weights_of(found, m, one)
 
 
-@kernel(allocates=False)
+@kernel
 def find_moved(model, layers, layer, end, found):
     """Do what ``find_successors`` does for targets that move as those of a layer of a ``SweepModel`` do."""
     frames = min(end.frames, model.layered.lasts)
@@ -186,7 +186,7 @@ def find_moved(model, layers, layer, end, found):
     find_successors(model.axes, end, found.xs, found.zs, found)
 
 
-@kernel(allocates=False)
+@kernel
 def see_layers(layered, end, layers, values, corners, later):
     """Write the values of a state as an avatar reads them that comes there by an action, where layers change with it.
 

@@ -51,7 +51,7 @@ def _end_of(model, action, start, size):
     return start[0] + x * cos + z * sin, start[1] - x * sin + z * cos, start[2] + atan2(move.sin, move.cos)
 
 
-@kernel(allocates=False)
+@kernel
 def _strike(model, avatars, world, now, own, state, start, frames):
     """Return 1 where a strike of a state lands, else 0; see ``_lands``."""
     actions, first, end = model.actions, model.offsets[state], model.offsets[state + 1]
@@ -78,7 +78,7 @@ def _after_another(plan, depth):
                 best = max(best, plan(model, avatars, world, now, own, actions[action].next, then, frames + length))
         return SET_UP * best
 
-    return kernel(look, allocates=False, name=f"plan_{depth}")
+    return kernel(look, name=f"plan_{depth}")
 
 
 _plan = _strike

@@ -37,7 +37,7 @@ def turn_out(model, avatars, world, now, own, observed, q, scratch):
         _add_backs(model, avatars, world.places, now.frame, own, state, dx, dz, scratch.values[q])
 
 
-@kernel(allocates=False)
+@kernel
 def _add_backs(model, avatars, places, frame, own, state, dx, dz, values):
     """Lower the values of actions that end before the nearest obstacle behind; the opponent is at (dx, dz)."""
     x, z = position_of(avatars, own)

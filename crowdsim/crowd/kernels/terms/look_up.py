@@ -26,7 +26,7 @@ def look_up(model, avatars, world, due, count, scratch):
                 scratch.values[q, k] = -model.moves[model.offsets[state] + k].cost
 
 
-@kernel(allocates=False)
+@kernel
 def order_by_state(states, count, starts, out_order):
     """List the places of ``states[:count]`` by state; ``starts`` (S + 2,) is scratch.
 
