@@ -42,8 +42,8 @@ from _quick import small_policies
 
 from crowdsim.body import skin
 from crowdsim.crowd.profiling import with_avatars
+from crowdsim.play.session import Session
 from crowdsim.preparation.prepare import load_policies
-from crowdsim.runs.playing import Session
 from crowdsim.runs.recorded import RecordedRun
 from crowdsim.runs.runner import run
 from crowdsim.scenario.scenario import load_scenario

@@ -17,8 +17,8 @@ from crowdsim.errors import CrowdsimError, OutputError, ScenarioError
 from crowdsim.files import remove_tree
 
 if TYPE_CHECKING:
+    from crowdsim.play.session import Session
     from crowdsim.policy.policy import Policy
-    from crowdsim.runs.playing import Session
     from crowdsim.scenario.scenario import Scenario
 
 
@@ -53,8 +53,8 @@ def play(
     """Play a scenario live in the browser, and interfere: drag targets, tune types, take avatars out; record it."""
     from crowdsim.compilation import watch_compilation
     from crowdsim.jit.environment import load_numba
+    from crowdsim.play.session import Session
     from crowdsim.runs.folder import check_folder
-    from crowdsim.runs.playing import Session
     from crowdsim.view.server import LOOPBACK, listen, server_at
     from crowdsim.view.stage import Stage
 
@@ -110,7 +110,7 @@ def play(
 def _scenario(thing: str, seed: int | None, overrides: list[str]) -> tuple[Scenario, str]:
     """Return the scenario of this name, or that of a policy and a target, and the name of the run folder."""
     from crowdsim.assets import find_scenario, policy_names
-    from crowdsim.runs.playing import boxer_and_target
+    from crowdsim.play.session import boxer_and_target
     from crowdsim.scenario.scenario import load_scenario
 
     path = Path(thing)

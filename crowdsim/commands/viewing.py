@@ -32,7 +32,7 @@ from crowdsim.core.workers import CORES
 from crowdsim.errors import CrowdsimError
 
 if TYPE_CHECKING:
-    from crowdsim.runs.reasons import Repeated
+    from crowdsim.play.repeated import Repeated
     from crowdsim.runs.recorded import RecordedRun
     from crowdsim.view.recording import Recording
     from crowdsim.view.server import Server
@@ -111,7 +111,7 @@ def _recording(
 
 def _repeated(run: RecordedRun, threads: int) -> Repeated | None:
     """Return what knows why avatars of a run did what they did; None where its scenario is not there any more."""
-    from crowdsim.runs.reasons import Repeated
+    from crowdsim.play.repeated import Repeated
 
     try:
         return Repeated(run, threads)
@@ -125,7 +125,7 @@ def _reasons(
 ) -> dict[str, list[dict[str, Any]]]:
     """Return the decisions of some avatars of a recording by their numbers."""
     from crowdsim.export.select import parse_avatars
-    from crowdsim.runs.reasons import Repeated
+    from crowdsim.play.repeated import Repeated
 
     if run is None:
         raise CrowdsimError("--why has no effect on BVH files, whose figures decide nothing")

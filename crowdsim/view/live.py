@@ -61,7 +61,7 @@ _WINDOW = 45
 
 
 class Played(Protocol):
-    """What is simulated live, see ``runs.playing.Session``.
+    """What is simulated live, see ``play.session.Session``.
 
     Attributes:
         scenario: What is played.

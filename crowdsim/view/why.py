@@ -18,7 +18,7 @@ _MOST = 6
 
 
 class Reasons(Protocol):
-    """Knows why avatars of a run did what they did, see ``runs.reasons.Repeated``."""
+    """Knows why avatars of a run did what they did, see ``play.repeated.Repeated``."""
 
     def at(self, avatar: int, frame: int) -> dict[str, Any]:
         """Return an avatar's last decision up to a control frame, see ``describe_decision``."""

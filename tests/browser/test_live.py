@@ -13,8 +13,8 @@ from naive_view import unpack_scene
 from scenes import crowdsim, scene
 
 import crowdsim as library
+from crowdsim.play.session import Session, boxer_and_target
 from crowdsim.preparation.prepare import load_policies
-from crowdsim.runs.playing import Session, boxer_and_target
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.view.server import open_server
 from crowdsim.view.stage import Stage

@@ -23,8 +23,8 @@ from scenes import crowdsim, scene, write_scene
 import crowdsim as library
 from crowdsim.commands.playing import free_folder
 from crowdsim.errors import RunError
+from crowdsim.play.session import Session, boxer_and_target
 from crowdsim.preparation.prepare import load_policies
-from crowdsim.runs.playing import Session, boxer_and_target
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.view import server as serving
 from crowdsim.view.live import LAG, ROWS, LivePoses, PosedTogether, Settled, clips_of

@@ -17,12 +17,12 @@ from scenes import crowdsim, write_scene
 
 import crowdsim as library
 from crowdsim.errors import TakeError
+from crowdsim.play.session import Session
 from crowdsim.preparation.prepare import load_policies
 from crowdsim.render.look import Look
 from crowdsim.render.stage import build_stage
 from crowdsim.render.take_source import TakeSource
 from crowdsim.runs.exports import choose_report
-from crowdsim.runs.playing import Session
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.take.quality import measure_take
 from crowdsim.view.report import THUMBNAILS, report_parts, verdicts

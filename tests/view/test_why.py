@@ -13,8 +13,8 @@ import crowdsim as library
 from crowdsim.crowd.draw import draw_crowd
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.errors import TakeError
+from crowdsim.play.repeated import Repeated
 from crowdsim.runs import reasons
-from crowdsim.runs.reasons import Repeated
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.view.server import open_server
 

@@ -10,8 +10,8 @@ import crowdsim as library
 from crowdsim.crowd.draw import sees_strikes, unlearned_behaviours
 from crowdsim.crowd.script import CirclePath, KeyPath, seen_targets, target_positions
 from crowdsim.errors import OutputError, RunError, ScenarioError
+from crowdsim.play.session import Session, boxer_and_target
 from crowdsim.preparation.prepare import load_policies
-from crowdsim.runs.playing import Session, boxer_and_target
 from crowdsim.scenario.scenario import load_scenario
 
 CIRCLE = {"ball": {"kind": "circle", "radius": 1.5, "speed": 0.4}}
