@@ -197,7 +197,9 @@ OTHER_WAYS = {
 }
 
 
-HOUSES = [path for name in ("runs", "take", "batch", "outputs", "play") for path in sorted((PACKAGE / name).glob("*.py"))]
+HOUSES = [
+    path for name in ("runs", "take", "batch", "outputs", "play") for path in sorted((PACKAGE / name).glob("*.py"))
+]
 HOUSES += [PACKAGE / name for name in ("export/posed.py", "export/stream.py", "render/batch.py", "render/parts.py")]
 
 

@@ -14,7 +14,6 @@ from crowdsim.crowd.draw import draw_crowd
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.errors import TakeError
 from crowdsim.play.repeated import Repeated
-from crowdsim.runs import reasons
 from crowdsim.scenario.scenario import load_scenario
 from crowdsim.view.server import open_server
 
@@ -84,7 +83,7 @@ def test_decisions_and_values_of_a_frame_need_no_new_simulation(run, monkeypatch
     frames = [started(opened, 1, frame) for frame in (14, 24, 39)]
     assert 0 < frames[0] < frames[1] < frames[2]
     alone = [(Repeated(opened).at(1, frame), Repeated(opened).values(1, frame)) for frame in frames]
-    monkeypatch.setattr(reasons, "draw_crowd", draw)
+    monkeypatch.setattr("crowdsim.play.repeated.draw_crowd", draw)
     repeated = Repeated(opened)
     assert [(repeated.at(1, frame), repeated.values(1, frame)) for frame in frames] == alone
     assert len(begun) == 1
