@@ -32,7 +32,7 @@ FIRMLY = 20.0  # how much the square of what lacks to that counts, beside the sq
 SLIDES, WAYS = 0.4, 8  # how far a body slides at the most that falls beside others [m], and in how many directions
 
 
-@kernel
+@kernel(apart=True)
 def crowded(model, avatars, own, row, dx, dz, observed, q):
     """Return how little room there is after a fall that ends further on by (dx, dz) [m].
 
@@ -48,7 +48,7 @@ def crowded(model, avatars, own, row, dx, dz, observed, q):
     lies = (x, z, avatars.heading[own] + atan2(move.sin, move.cos), size)
     lacks = 0.0
     for m in range(observed.counts[q]):
-        j = observed.neighbours[q, m]
+        j = np.int64(observed.neighbours[q, m])
         if avatars.team[j] < 0 and is_on_floor(avatars, j):
             apart = axes_apart(axis, axis_of(model, avatars, j))
             lacks += _squared(1.0, SIDE_BY_SIDE - apart)
@@ -154,7 +154,7 @@ def slide(model, avatars, world, frame, own, row, observed, q):
     _, avatars.slides[own].x, avatars.slides[own].z = roomiest(model, avatars, world, frame, own, row, observed, q)
 
 
-@kernel
+@kernel(apart=True)
 def roomiest(model, avatars, world, frame, own, row, observed, q):
     """Return how little room there is after a fall where the most is that a body slides to, and how far x, z [m]."""
     walled = world.places.parts.shape[0] > 0
