@@ -1,7 +1,8 @@
 """Kernels that will be needed are compiled by processes of their own, while this one gets on with its work.
 
 Each worker goes through the list of ``signatures`` in the order of need, and compiles each kernel that no process has
-compiled or is compiling; one of them begins with what takes longest. Where a worker dies, cannot start or cannot write, kernels are compiled when they are called.
+compiled or is compiling; one of them begins with what takes longest. Where a worker dies, cannot start or cannot write,
+kernels are compiled when they are called.
 """
 
 from __future__ import annotations

@@ -194,7 +194,8 @@ def test_a_kernel_compiled_for_other_arguments_is_compiled_ahead(twig):
     program = count + "print([_is_compiled(one) for one in listed()].count(False))"
     assert finish(start(program)) == 1
     work = (
-        "import sys; sys.argv = ['', str(__import__('os').getppid()), '0', 'few']\nfrom twig.jit.ahead import work; work()\n"
+        "import sys; sys.argv = ['', str(__import__('os').getppid()), '0', 'few']\n"
+        "from twig.jit.ahead import work; work()\n"
     )
     assert finish(start(work + program)) == 0
 
