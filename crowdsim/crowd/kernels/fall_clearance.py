@@ -32,7 +32,7 @@ FIRMLY = 20.0  # how much the square of what lacks to that counts, beside the sq
 SLIDES, WAYS = 0.4, 8  # how far a body slides at the most that falls beside others [m], and in how many directions
 
 
-@kernel(apart=True)
+@kernel
 def crowded(model, avatars, own, row, dx, dz, observed, q):
     """Return how little room there is after a fall that ends further on by (dx, dz) [m].
 
@@ -154,7 +154,7 @@ def slide(model, avatars, world, frame, own, row, observed, q):
     _, avatars.slides[own].x, avatars.slides[own].z = roomiest(model, avatars, world, frame, own, row, observed, q)
 
 
-@kernel(apart=True)
+@kernel
 def roomiest(model, avatars, world, frame, own, row, observed, q):
     """Return how little room there is after a fall where the most is that a body slides to, and how far x, z [m]."""
     walled = world.places.parts.shape[0] > 0

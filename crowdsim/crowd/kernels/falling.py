@@ -36,7 +36,7 @@ def part_of(model, fall, kind):
     return -1
 
 
-@kernel(allocates=False, apart=True)
+@kernel(inline=True)
 def pick_fall(model, avatars, world, frame, own, kind, push, left, shown, observed, q):
     """Return the row of ``Model.falls`` that costs least: a fall or stagger where the last blow leads; -1 for none.
 
