@@ -1,7 +1,8 @@
 """Kernels that will be needed are compiled by processes of their own, while this one gets on with its work.
 
 Each worker goes through the list of ``signatures`` in the order of need, and compiles each kernel that no process has
-compiled or is compiling. Where a worker dies, cannot start or cannot write, kernels are compiled when they are called.
+compiled or is compiling; one of them begins with what takes longest. Where a worker dies, cannot start or cannot write,
+kernels are compiled when they are called.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from crowdsim.jit.signatures import Listed, digest, listed, resolve
 PACKAGE = Path(__file__).resolve().parent.parent
 SECONDS = 2.5
 """Roughly what a kernel takes to compile [s]."""
+LONGEST = "run_frames"
+"""The kernel that takes longest to compile, about as long as all others of a run."""
 PATIENCE = 0.5
 """How long a worker may take to stop, which it does not while it optimises a kernel [s]."""
 
@@ -44,8 +47,8 @@ def compile_ahead(uses: Collection[str], workers: int) -> Iterator[str]:
     try:
         # A system that has no room for more processes compiles in this one.
         with suppress(OSError):
-            for _ in range(min(workers, len(missing)) if workers > 1 else 0):
-                processes.append(_start(uses))
+            for number in range(min(workers, len(missing)) if workers > 1 else 0):
+                processes.append(_start(number, uses))
         yield report if missing else ""
     finally:
         for process in processes:
@@ -72,11 +75,11 @@ def _is_compiled(entry: Listed) -> bool:
     return bool(folder.problem()) or any(folder.path.glob(f"{entry.name}.{digest(entry.arguments)}.*.nbc"))
 
 
-def _start(uses: Collection[str]) -> subprocess.Popen[bytes]:
+def _start(number: int, uses: Collection[str]) -> subprocess.Popen[bytes]:
     # Not from the folder that the command was called in, which may be a checkout of another version.
     program = f"import sys; sys.path = [path for path in sys.path if path]; from {__name__} import work; work()"
     return subprocess.Popen(
-        [sys.executable, "-c", program, str(os.getpid()), *uses],
+        [sys.executable, "-c", program, str(os.getpid()), str(number), *uses],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
@@ -88,7 +91,8 @@ def _start(uses: Collection[str]) -> subprocess.Popen[bytes]:
 def work() -> None:
     """Compile what is listed for some uses, in the order of need; what another process compiles meanwhile is left out.
 
-    The arguments of the program are the number of the process that started it, with which it ends, and the uses.
+    The arguments of the program are the number of the process that started it, with which it ends, its own number among
+    workers, and the uses. The first one begins with ``LONGEST``.
     """
     from crowdsim.jit.environment import load_numba
 
@@ -97,9 +101,9 @@ def work() -> None:
 
     signal.signal(signal.SIGTERM, stop)
     warnings.simplefilter("ignore")
-    owner, uses = int(sys.argv[1]), sys.argv[2:]
+    owner, number, uses = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:]
     load_numba()
-    for entry in listed(uses):
+    for entry in sorted(listed(uses), key=lambda entry: number == 0 and entry.name != LONGEST):
         if os.getppid() != owner:
             return
         if not _is_compiled(entry):

@@ -8,6 +8,7 @@ without the wrappers that convert Python's objects; the kernels that Python call
 from __future__ import annotations
 
 import gc
+import hashlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -16,6 +17,7 @@ import llvmlite.binding as llvm
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder, compile_result
 from numba.core.environment import lookup_environment
+from numba.core.itanium_mangler import mangle
 
 _ENVIRONMENT = "_ZN08NumbaEnv"
 
@@ -61,6 +63,10 @@ class PartLibrary(KernelLibrary):
         for library in dict.fromkeys(self._linking_libraries):
             getattr(self, "_reload_init", set()).update(getattr(library, "_reload_init", ()))
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        # As numba does to a copy, of which each part would hold one.
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == llvm.Linkage.external:
+                function.linkage = llvm.Linkage.linkonce_odr
         self._finalized = True
 
 
@@ -75,6 +81,7 @@ class KernelCompiler(CompilerBase):  # type: ignore[misc]
 
     def compile_extra(self, function: Any) -> Any:
         """Compile a function."""
+        self.state.targetctx.mangler = _short_name
         self.state.library = self.library(self.state.targetctx.codegen(), function.__qualname__)
         self.state.library.enable_object_caching()
         with _no_garbage_collection():
@@ -90,8 +97,40 @@ class PartCompiler(KernelCompiler):
         """Translate a function, and make it known to those that call it."""
         self.state.flags.no_compile = True
         result = super().compile_extra(function)._replace(entry_point=object())
+        # Most of what it took is in circles, which this frees, and looks at nothing that was there before.
+        gc.collect(0)
         result.target_context.insert_user_function(result.entry_point, result.fndesc, [result.library])
         return result
+
+
+class ApartLibrary(PartLibrary):
+    """Code of a kernel that its callers call, rather than hold a copy of."""
+
+    def add_ir_module(self, ir_module: Any) -> None:
+        """Add a function, which numba would let its callers hold if it was first called by one that they hold."""
+        for function in ir_module.functions:
+            if function.blocks:
+                function.attributes.discard("alwaysinline")
+                function.attributes.add("noinline")
+        super().add_ir_module(ir_module)
+
+
+class ApartCompiler(PartCompiler):
+    """Translates a kernel into a part of others whose code is there once."""
+
+    library = ApartLibrary
+
+    def compile_extra(self, function: Any) -> Any:
+        """Translate a function."""
+        result = super().compile_extra(function)
+        result.fndesc.inline = False
+        return result
+
+
+def _short_name(name: str, kinds: tuple[Any, ...], *, abi_tags: tuple[str, ...] = (), uid: int | None = None) -> str:
+    """Return the name of a compiled function; numba's own spells out the types, which takes kilobytes for records."""
+    kind = hashlib.sha256(" ".join(map(str, kinds)).encode()).hexdigest()[:16]
+    return str(mangle(f"{name}.{kind}", (), abi_tags=abi_tags, uid=uid))
 
 
 def pack_part(result: Any) -> tuple[Any, ...]:

@@ -148,7 +148,7 @@ def test_a_list_of_another_version_harms_nothing(twig):
     folder, start = twig
     entries = [{"module": "twig.first_kernels", "name": "gone", **ENTRY}, {"module": "twig.gone", "name": "x", **ENTRY}]
     (folder / "jit" / "signatures.json").write_text(json.dumps(entries))
-    program = "import sys; sys.argv = ['', str(__import__('os').getppid()), 'few']\n"
+    program = "import sys; sys.argv = ['', str(__import__('os').getppid()), '0', 'few']\n"
     assert finish(start(program + "from twig.jit.ahead import work; work(); print('[]')")) == []
     assert finish(start(CALL))[0] == [4.0, 5.0]
 
@@ -157,7 +157,7 @@ def test_workers_end_with_the_process_that_started_them(twig):
     _, start = twig
     program = "from twig.jit.ahead import work; work(); print('[]')"
     begun = time.monotonic()
-    assert finish(start(f"import sys; sys.argv = ['', '1', 'few']\n{program}")) == []
+    assert finish(start(f"import sys; sys.argv = ['', '1', '0', 'few']\n{program}")) == []
     assert time.monotonic() - begun < 30
     assert finish(start(CALL))[1], "nothing was compiled ahead"
 
@@ -194,7 +194,8 @@ def test_a_kernel_compiled_for_other_arguments_is_compiled_ahead(twig):
     program = count + "print([_is_compiled(one) for one in listed()].count(False))"
     assert finish(start(program)) == 1
     work = (
-        "import sys; sys.argv = ['', str(__import__('os').getppid()), 'few']\nfrom twig.jit.ahead import work; work()\n"
+        "import sys; sys.argv = ['', str(__import__('os').getppid()), '0', 'few']\n"
+        "from twig.jit.ahead import work; work()\n"
     )
     assert finish(start(work + program)) == 0
 

@@ -106,8 +106,8 @@ def switch(model, avatars, world, frame, due, chosen, first, last):
             prefetch(avatars.fight, due[q + 2 * AHEAD])
         if q + AHEAD < last:
             _prefetch_start(model, avatars, due[q + AHEAD], chosen[q + AHEAD], varied)
-        i = due[q]
-        old, new = motion[i].action, chosen[q]
+        i, new = np.int64(due[q]), np.int64(chosen[q])
+        old = motion[i].action
         if varied:
             note_shown(model, avatars, frame, i, new)
         phase = min(motion[i].phase - actions[old].length, motion[i].speed)

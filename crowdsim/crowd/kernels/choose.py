@@ -26,7 +26,7 @@ def choose(model, avatars, world, now, due, count, observed, scratch, out_chosen
     """Draw the next action of avatars ``due[:count]`` by its value; return -1, or a slot without numbers."""
     for q in range(count):
         _prefetch_drawing(avatars, due, count, q)
-        own = due[q]
+        own = np.int64(due[q])
         action = _forced_action(model, avatars, world, now, own, observed, q)
         if action < 0:
             action = _draw(model, avatars, world, now, own, observed, q, scratch)

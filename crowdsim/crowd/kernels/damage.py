@@ -28,8 +28,7 @@ def apply_damage(model, avatars, world, frame, strikes, first, last):
     if conditions.shape[0] == 0 or first == last:
         return 0, last
     felled, removed = 0, 0
-    order = np.argsort(strikes[first:last]["attacker"], kind="mergesort")
-    for k in order[np.argsort(strikes[first:last]["frame"][order], kind="mergesort")] + first:
+    for k in _in_order(strikes, first, last):
         if conditions[strikes[k].attacker].standing == DROPS:
             strikes[k].down = -1
             removed += 1
@@ -48,6 +47,35 @@ def apply_damage(model, avatars, world, frame, strikes, first, last):
             strikes[kept] = strikes[k]
             kept += 1
     return felled, kept
+
+
+@kernel(allocates=True)
+def _in_order(strikes, first, last):
+    """Return strikes ``first`` to ``last`` in the order in which they land, by a merge sort: numba's takes seconds."""
+    count, width = last - first, 1
+    order, merged = np.empty(count, np.int64), np.empty(count, np.int64)
+    for k in range(count):
+        order[k] = first + k
+    while width < count:
+        for start in range(0, count, 2 * width):
+            i, j = start, start + width
+            middle, end = min(j, count), min(j + width, count)
+            for k in range(start, end):
+                if i < middle and (j >= end or not _lands_before(strikes[order[j]], strikes[order[i]])):
+                    merged[k] = order[i]
+                    i += 1
+                else:
+                    merged[k] = order[j]
+                    j += 1
+        order, merged = merged, order
+        width *= 2
+    return order
+
+
+@kernel(inline=True)
+def _lands_before(one, other):
+    """Return whether a strike lands before another, or at the same time and is of a lower attacker."""
+    return one.frame < other.frame or (one.frame == other.frame and one.attacker < other.attacker)
 
 
 @kernel(inline=True)

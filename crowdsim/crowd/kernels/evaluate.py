@@ -1,5 +1,7 @@
 """What the next actions of avatars are worth: the sum of the value terms, which are listed here."""
 
+import numpy as np
+
 from crowdsim.crowd.kernels.layout import AHEAD
 from crowdsim.crowd.kernels.terms.aim import aim_at_target
 from crowdsim.crowd.kernels.terms.backs import turn_out
@@ -68,7 +70,7 @@ def evaluate(model, avatars, world, now, due, count, observed, scratch):
     for q in range(count):
         if q + AHEAD < count:
             prefetch_repetition(model, avatars, world, due[q + AHEAD], scratch.states[q + AHEAD])
-        _add_terms(model, avatars, world, now, due[q], observed, q, scratch, 1, len(TERMS))
+        _add_terms(model, avatars, world, now, np.int64(due[q]), observed, q, scratch, 1, len(TERMS))
 
 
 @kernel(inline=True)
@@ -77,6 +79,6 @@ def evaluate_by_terms(model, avatars, world, now, due, count, observed, scratch,
     look_up(model, avatars, world, due, count, scratch)
     for q in range(count):
         for term in range(len(TERMS)):
-            _add_terms(model, avatars, world, now, due[q], observed, q, scratch, term, term + 1)
+            _add_terms(model, avatars, world, now, np.int64(due[q]), observed, q, scratch, term, term + 1)
             for k in range(scratch.values.shape[1]):
                 notes[term, q, k] = scratch.values[q, k]

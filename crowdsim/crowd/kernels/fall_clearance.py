@@ -48,7 +48,7 @@ def crowded(model, avatars, own, row, dx, dz, observed, q):
     lies = (x, z, avatars.heading[own] + atan2(move.sin, move.cos), size)
     lacks = 0.0
     for m in range(observed.counts[q]):
-        j = observed.neighbours[q, m]
+        j = np.int64(observed.neighbours[q, m])
         if avatars.team[j] < 0 and is_on_floor(avatars, j):
             apart = axes_apart(axis, axis_of(model, avatars, j))
             lacks += _squared(1.0, SIDE_BY_SIDE - apart)

@@ -191,7 +191,7 @@ def _has_no_room(model, avatars, world, own, row, observed, q):
         return True
     found = False
     for m in range(observed.counts[q]):
-        j = observed.neighbours[q, m]
+        j = np.int64(observed.neighbours[q, m])
         if avatars.team[j] < 0 and is_on_floor(avatars, j):
             axis = axis_of(model, avatars, j)
             near = min(from_axis(axis, x + 0.5 * dx, z + 0.5 * dz), from_axis(axis, x + dx, z + dz))

@@ -55,7 +55,7 @@ def knock_down(model, avatars, world, now, strikes, first, last, tree, observed,
         if blow < 0:
             return
         number, hit, by = np.int64(strikes[blow].victim), strikes[blow].frame, strikes[blow].attacker
-        own = avatars.slot_of[number]
+        own = np.int64(avatars.slot_of[number])
         if avatars.conditions[number].standing != DROPS:
             continue
         avatars.conditions[by].felled, avatars.conditions[by].felled_frame = number + 1.0, now.frame
@@ -71,7 +71,7 @@ def knock_down(model, avatars, world, now, strikes, first, last, tree, observed,
         condition.fell, condition.fell_frame = row + 1.0, now.frame
         note_fall(model, avatars, now.frame, number, SHOWN, 1.0, anywhere)
         slide(model, avatars, world, now.frame, own, row, observed, 0)
-        start_action(model, avatars, world, now.frame, own, model.falls[row].action, left[0])
+        start_action(model, avatars, world, now.frame, own, np.int64(model.falls[row].action), left[0])
         avatars.playback[own].pending = model.actions[avatars.motion[own].action].first_strike
         avatars.playback[own].action_before, avatars.playback[own].phase_before = -1, left[0]
         avatars.opponent[own] = avatars.fight[own].next_opponent = -1

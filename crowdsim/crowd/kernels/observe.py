@@ -35,7 +35,7 @@ def observe(model, avatars, world, now, due, count, observed, scratch):
     slot_of, arena, walled = avatars.slot_of, world.arena, world.places.parts.shape[0] > 0
     for q in range(count):
         _prefetch_targets(model, avatars, due, count, observed, q)
-        own = due[q]
+        own = np.int64(due[q])
         opponent = change_opponent(avatars, world.cohorts, now, own, observed, q)
         is_open = True
         if walled:

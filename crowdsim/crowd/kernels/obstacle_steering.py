@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from crowdsim.crowd.kernels.layout import Target
 from crowdsim.crowd.kernels.lying import axis_of, is_on_floor
 from crowdsim.crowd.kernels.positions import position_of
@@ -22,7 +24,7 @@ def go_around(model, avatars, own, target, observed, q):
     for _ in range(BODIES):
         first, to_x, to_z = 1.0, 0.0, 0.0
         for m in range(observed.counts[q]):
-            j = observed.neighbours[q, m]
+            j = np.int64(observed.neighbours[q, m])
             if avatars.team[j] < 0 and is_on_floor(avatars, j):
                 share, px, pz = _way_around(axis_of(model, avatars, j), avatars.playback[j].scale, x, z, dx, dz)
                 if share < first and share * far <= SOON:

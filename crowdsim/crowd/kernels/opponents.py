@@ -104,12 +104,12 @@ def change_opponent(avatars, cohorts, now, own, observed, q):
         return -1
     old, best, found = avatars.opponent[own], math.inf, -1
     if old >= 0:
-        slot = slot_of[old]
+        slot = np.int64(slot_of[old])
         if slot < now.present and slot != own and avatars.team[slot] != skip and avatars.team[slot] >= 0:
             best = _seems_far(avatars, now.frame, own, slot) - cohorts[avatars.playback[own].cohort].hysteresis
     best, found = _nearer(avatars, now.frame, own, nearest, best, found)
     for m in range(observed.counts[q]):
-        j = observed.neighbours[q, m]
+        j = np.int64(observed.neighbours[q, m])
         if avatars.team[j] != skip and avatars.team[j] >= 0 and j != nearest:
             best, found = _nearer(avatars, now.frame, own, j, best, found)
     return old if found < 0 else avatars.number[found]

@@ -91,7 +91,7 @@ def note_hits(model, avatars, frame, strikes, first, last):
         outcome = strikes[k].outcome
         if (outcome != LANDED and outcome != BLOCKED) or victim < 0:
             continue
-        i, j = slot_of[attacker], slot_of[victim]
+        i, j = np.int64(slot_of[attacker]), np.int64(slot_of[victim])
         strength = strikes[k].speed / model.sizes[avatars.policy[i]].strong
         strength *= FOOT if strikes[k].limb in LEGS else 1.0
         strength *= GUARDED if outcome == BLOCKED else 1.0

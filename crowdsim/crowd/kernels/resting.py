@@ -73,7 +73,7 @@ def nearest_rest(model, avatars, world, now, own):
     left, ways = last_frame(model, avatars, own), model.ways_to_rest
     opponent, wanted, x, z = avatars.fight[own].next_opponent, 0.0, 0.0, 0.0
     if opponent >= 0 and avatars.slot_of[opponent] < now.present:
-        j = avatars.slot_of[opponent]
+        j = np.int64(avatars.slot_of[opponent])
         x, z = end_of(avatars, j)
         wanted = own_share(avatars, world, own, j)
     cos, sin = cos_sin(avatars.heading[own])
@@ -97,7 +97,7 @@ def nearest_rest(model, avatars, world, now, own):
             continue
         gap = pose_gap(model, left, model.actions[enter].origin)
         if gap < ALIKE and cost + gap < least:
-            walk = ways[state].walk
+            walk = np.int64(ways[state].walk)
             if walk < 0 or is_free(model, avatars, world, now, own, walk):
                 found, least = np.int64(state), cost + gap
     return found

@@ -54,7 +54,7 @@ def _end_of(model, action, start, size):
 @kernel
 def _strike(model, avatars, world, now, own, state, start, frames):
     """Return 1 where a strike of a state lands, else 0; see ``_lands``."""
-    actions, first, end = model.actions, model.offsets[state], model.offsets[state + 1]
+    actions, first, end = model.actions, np.int64(model.offsets[state]), np.int64(model.offsets[state + 1])
     if actions[first].strikes < actions[end].strikes:
         for action in range(first, end):
             if _lands(model, avatars, world, now, own, action, start, frames):
@@ -70,7 +70,7 @@ def _after_another(plan, depth):
         if best > 0.0:
             return best
         actions, size = model.actions, np.float64(avatars.playback[own].scale)
-        for action in range(model.offsets[state], model.offsets[state + 1]):
+        for action in range(np.int64(model.offsets[state]), np.int64(model.offsets[state + 1])):
             if best == 1.0:
                 break
             if actions[action].strikes == actions[action + 1].strikes:

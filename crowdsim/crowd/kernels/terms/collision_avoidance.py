@@ -108,7 +108,7 @@ def _list_close(model, avatars, crowding, own, observed, q, furthest, near):
     own_space = model.sizes[avatars.policy[own]].space
     close = 0
     for m in range(observed.counts[q]):
-        j = observed.neighbours[q, m]
+        j = np.int64(observed.neighbours[q, m])
         ax, az = avatars.x[j] - x, avatars.z[j] - z
         end_x, end_z = end_of(avatars, j)
         wx, wz = end_x - avatars.x[j], end_z - avatars.z[j]

@@ -112,7 +112,7 @@ def _endured(model, avatars, own, action, threat):
         return _lands(model, avatars, own, action, start, frames, threat.point)
     start = _place(model, avatars, own, action, start, length)
     state, least = model.actions[action].next, 1.0
-    for after in range(model.offsets[state], model.offsets[state + 1]):
+    for after in range(np.int64(model.offsets[state]), np.int64(model.offsets[state + 1])):
         done = min(frames - length, np.float64(model.actions[after].length))
         least = min(least, _lands(model, avatars, own, after, start, done, threat.point))
     return least

@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from crowdsim.core.angles import cos_sin
 from crowdsim.crowd.kernels.hidden import is_hidden
 from crowdsim.crowd.kernels.intents import is_resting
@@ -62,7 +64,7 @@ def _is_behind_obstacle(avatars, world, now, own):
     opponent = avatars.fight[own].next_opponent
     if opponent < 0 or avatars.slot_of[opponent] >= now.present:
         return False
-    j = avatars.slot_of[opponent]
+    j = np.int64(avatars.slot_of[opponent])
     dx, dz = way_between(avatars, own, j)
     is_near = dx * dx + dz * dz < STRUCK_AT * STRUCK_AT
     return is_near and is_hidden(avatars, world, now.frame, own, *position_of(avatars, j))
@@ -83,7 +85,7 @@ def _is_unseen(avatars, now, own):
     opponent = avatars.fight[own].next_opponent
     if opponent < 0:
         return False
-    j = avatars.slot_of[opponent]
+    j = np.int64(avatars.slot_of[opponent])
     if j >= now.present or (avatars.conditions.shape[0] > 0 and avatars.conditions[opponent].does == FLEES):
         return False
     dx, dz = way_between(avatars, j, own)

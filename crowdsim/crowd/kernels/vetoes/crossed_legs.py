@@ -28,7 +28,7 @@ def crosses_legs(model, avatars, world, now, own, observed, q, action):
     state = model.actions[action].next
     wide = size * model.leg_reaches[state]
     for m in range(observed.counts[q]):
-        j = observed.neighbours[q, m]
+        j = np.int64(observed.neighbours[q, m])
         dx, dz = motion[j].end_x - x, motion[j].end_z - z
         if dx * dx + dz * dz > WITHIN * WITHIN or avatars.team[j] < 0:
             continue
