@@ -6,6 +6,9 @@ Thirty avatars play the embedded boxer's motion, each from another moment. Posin
 to a file under its final name, is, the best of several runs. Building the skin, which happens once in a process, is
 stated apart. Peak memory is what Python and numpy allocate while one file is written, poses not counted.
 
+``whole``: a run of ``brawl_30`` at 60 frames a second with rotations as int16, with all that an export holds: strikes,
+paints, and a camera that comes along.
+
 ``clips``: a bank of clips and tracks of ``brawl_30`` at 30 frames a second, everything after the run counted.
 
 ``touches``: how deep hands are in the skin that they hit, at the moments of strikes that land: the share whose deepest
@@ -37,6 +40,8 @@ from crowdsim.core.types import Array
 from crowdsim.crowd.cast import USUAL_BODY
 from crowdsim.export.clips import write_clips
 from crowdsim.export.gltf import write_gltf
+from crowdsim.export.posed import write_posed
+from crowdsim.outputs.glb import GlbOutput
 from crowdsim.poses.sampler import PoseSampler
 from crowdsim.preparation.prepare import load_policies
 from crowdsim.runs.runner import run
@@ -80,6 +85,14 @@ def brawl(frames: int | None) -> Any:
     policies = load_policies(scenario)
     take = run(scenario if frames is None else scenario.model_copy(update={"duration": frames}), policies)
     return PoseSampler(take, policies)
+
+
+def whole(sampler: Any) -> float:
+    """Return the bytes for an avatar in a frame of an export of a run, with a camera."""
+    with tempfile.TemporaryDirectory() as name:
+        output = GlbOutput(fps=FPS, rotations="int16", camera="auto")
+        size = write_posed(sampler, Path(name), [output])["glb"][0].stat().st_size
+    return size / (sampler.take.avatar_count * sampler.take.output_frames(float(FPS)))
 
 
 def clips(sampler: Any, repeats: int) -> dict[str, float]:
@@ -191,6 +204,7 @@ def measure(frames: int, threads: int, repeats: int, run_frames: int | None = No
         lambda: pose_skins(skins, skin.matrices(positions, turned, poses.scales)), 20
     )
     sampler = brawl(run_frames)
+    outcome["whole"] = {"bytes an avatar-frame": whole(sampler)}
     outcome["clips"], outcome["touches"] = clips(sampler, repeats), touches(sampler, 300)
     return outcome
 
@@ -213,6 +227,7 @@ def main() -> None:
         row = outcome[rotations]
         print(f"  {rotations:<10}{row['seconds']:>7.2f} s{row['megabytes']:>8.1f} MB"
               f"{row['bytes an avatar-frame']:>8.1f} bytes an avatar-frame")  # fmt: skip
+    print(f"  brawl_30 with a camera, int16: {outcome['whole']['bytes an avatar-frame']:.2f} bytes an avatar-frame")
     print(f"  {outcome['triangles']} triangles, built in {outcome['build seconds']:.1f} s")
     print(f"  {AVATARS} skinned on one thread in {outcome['skinning milliseconds']:.1f} ms")
     print(f"  at most {outcome['peak megabytes']:.0f} MB of memory while writing")

@@ -2,10 +2,11 @@
 
     python docs/fit_skins.py [--check]
 
-Balls as large as gloves and bare fists are laid onto the skin of each build in poses of the embedded boxer, where no
-other skin is in their way, as many onto what each joint carries. The pieces of ``outlines.lay_pieces`` are then fitted
-so that these balls touch them, by robust least squares. Hands are fitted likewise, by balls whose surface goes through
-the vertices of gloves and fists. ``--check`` prints how far off the pieces of the package are, and writes nothing.
+Balls as large as gloves and bare fists are laid onto the skin of each build in poses of the embedded boxer, alone and
+struck in a run of ``brawl_30``, out of all skin that is in their way, as many onto what each joint carries. The pieces
+of ``outlines.lay_pieces`` are then fitted so that these balls touch them, by least squares in which balls off the
+pieces count more than balls in them. Hands are fitted likewise, by balls whose surface goes through the vertices of
+gloves and fists. ``--check`` prints how far off the pieces of the package are, and writes nothing.
 """
 
 from __future__ import annotations
@@ -28,14 +29,21 @@ from crowdsim.performer.session import perform
 from crowdsim.poses import skins
 from crowdsim.poses.capsules import PosedBodies
 from crowdsim.poses.outlines import Surface, hand_axes, lay_pieces
+from crowdsim.poses.sampler import PoseSampler
+from crowdsim.preparation.prepare import load_policies
+from crowdsim.runs.runner import run
+from crowdsim.scenario.scenario import load_scenario
 
 RADII = (0.0684, 0.042)
 """Radii of gloves and of bare fists [m]."""
-POSES, BALLS, FITTED, STEPS = 60, 120, 2500, 20
-"""Poses, balls of either size in each, how many balls pieces are fitted to, and steps of the fit."""
-ROBUST, PRIOR, LEAST = 0.01, 0.3, 0.02
-"""Distance beyond which balls count less [m], since some lie in creases that no pieces follow; how much pieces are held
-where they set out from, and their least radius [m]."""
+POSES, STRUCK, SEED = 60, 90, 2
+"""Poses of the boxer alone, and of boxers that are struck in a run, and the seed of that."""
+BALLS, ROUNDS, FITTED, STEPS = 120, 8, 5000, 20
+"""Balls of either size in each pose, rounds in which they go out of what else is in their way, how many balls pieces
+are fitted to, and steps of the fit."""
+ROBUST, DEEP, PRIOR, LEAST = 0.01, 1.5, 0.3, 0.02
+"""Distance beyond which balls in pieces count less [m], since some lie in creases that no pieces follow; how much more
+balls off them count; how much pieces are held where they set out from, and their least radius [m]."""
 FIRST = (
     ("pelvis", False, (0.0, -0.003, -0.035, 0.11), (0.0, -0.003, -0.035, 0.11)),
     ("pelvis", True, (0.01, -0.025, -0.045, 0.105), (0.005, -0.01, 0.02, 0.09)),
@@ -97,7 +105,26 @@ def perform_boxer() -> Boxer:
         for upper, middle, end in chains
     ]
     some = np.linspace(0, len(positions) - 1, POSES).astype(int)
-    return Boxer(clip, body, positions[some], rotations[some], np.array(hinges))
+    struck = struck_rotations()
+    places = np.zeros((*struck.shape[:2], 3))
+    for joint, parent in enumerate(clip.skeleton.parents):
+        if parent >= 0:
+            places[:, joint] = places[:, parent] + quaternion.rotate(struck[:, parent], clip.skeleton.offsets[joint])
+    return Boxer(clip, body, np.concatenate([positions[some], places]), np.concatenate([rotations[some], struck]),
+                 np.array(hinges))  # fmt: skip
+
+
+def struck_rotations() -> Any:
+    """Return rotations of joints of boxers that are struck in a run of brawl_30. Shape (F, J, 4)."""
+    scenario = load_scenario("brawl_30").model_copy(update={"seed": SEED})
+    policies = load_policies(scenario)
+    take = run(scenario, policies)
+    strikes = take.strikes(outcome="landed")
+    strikes = strikes[strikes["victim"] >= 0]
+    strikes = strikes[np.linspace(0, len(strikes) - 1, STRUCK).astype(int)]
+    sampler = PoseSampler(take, policies)
+    posed = [sampler.moments(strikes["victim"][[row]], strikes["seconds"][[row]])[0] for row in range(len(strikes))]
+    return np.concatenate([np.asarray(rotations, float) for _, _, _, _, rotations in posed])
 
 
 def carriers(skin: Skin) -> Any:
@@ -115,15 +142,23 @@ def lay_balls(boxer: Boxer, skin: Skin, seed: int) -> tuple[Any, Any, Any]:
     own = carriers(skin)
     joints = np.unique(own[~beyond[own]])
     shown = [np.flatnonzero(own == joint) for joint in joints]
-    for pose in range(POSES):
+    for pose in range(len(boxer.positions)):
         here = slice(pose, pose + 1)
         matrices = skin.matrices(boxer.positions[here], boxer.rotations[here], np.ones(1))
         (vertices,), (normals,) = pose_skins([skin], matrices)
         tree = cKDTree(vertices)
         for radius in RADII:
             some = np.concatenate([rng.choice(vertices_of, BALLS // len(joints)) for vertices_of in shown])
-            middles = vertices[some].astype(float) + radius * normals[some]
-            middles = middles[tree.query(middles)[0] > radius - 0.0015]
+            start = vertices[some].astype(float) + radius * normals[some]
+            middles = start
+            for _ in range(ROUNDS):
+                far, nearest = tree.query(middles)
+                out = (middles - vertices[nearest]) / np.maximum(far, 1e-9)[:, None]
+                middles = middles + np.maximum(radius - far, 0.0)[:, None] * out
+            far, nearest = tree.query(middles)
+            outside = np.sum((middles - vertices[nearest]) * normals[nearest], axis=1) > 0.5 * radius
+            touching = (np.abs(far - radius) < 0.0015) & outside & ~beyond[own[nearest]]
+            middles = middles[touching & (np.linalg.norm(middles - start, axis=1) < radius)]
             found.append((np.full(len(middles), pose), middles, np.full(len(middles), radius)))
     poses, middles, radii = (np.concatenate(values) for values in zip(*found, strict=True))
     return poses, middles, radii
@@ -131,10 +166,11 @@ def lay_balls(boxer: Boxer, skin: Skin, seed: int) -> tuple[Any, Any, Any]:
 
 def gaps(boxer: Boxer, pieces: Any, girth: float, poses: Any, middles: Any, radii: Any) -> Any:
     """Return how far balls are off pieces (P, 2, 4) [m]."""
-    ones = np.ones(POSES)
-    bodies = PosedBodies(boxer.body, np.arange(POSES), ones, girth * ones, np.ones((POSES, 3)), boxer.positions[None],
+    count = len(boxer.positions)
+    ones = np.ones(count)
+    bodies = PosedBodies(boxer.body, np.arange(count), ones, girth * ones, np.ones((count, 3)), boxer.positions[None],
                          boxer.rotations[None])  # fmt: skip
-    laid = lay_pieces(bodies, np.broadcast_to(pieces, (POSES, *pieces.shape)), ones)
+    laid = lay_pieces(bodies, np.broadcast_to(pieces, (count, *pieces.shape)), ones)
     return Surface(*(values[poses] for values in laid)).gaps(middles)[0] - radii
 
 
@@ -155,13 +191,15 @@ def fit_pieces(boxer: Boxer, first: Any, girth: float, balls: tuple[Any, Any, An
         return pieces
 
     def off(numbers: Any) -> Any:
-        away = gaps(boxer, whole(numbers), girth, *(values[some] for values in balls))
-        return np.append(away, PRIOR * (numbers - first[free])) / ROBUST
+        away = gaps(boxer, whole(numbers), girth, *(values[some] for values in balls)) / ROBUST
+        # Fists are in skins where pieces are too small; where these are too large they are off them, which shows less.
+        eased = np.where(away > 0.0, DEEP * away, -np.sqrt(np.log1p(away * away)))
+        return np.append(eased, PRIOR * (numbers - first[free]) / ROBUST)
 
     least = np.full(first.shape, -np.inf)
     least[..., 3] = LEAST - 1e-6
     start = np.maximum(first, least + 1e-6)[free]
-    found = least_squares(off, start, bounds=(least[free], np.inf), loss="soft_l1", x_scale=0.01, max_nfev=STEPS)
+    found = least_squares(off, start, bounds=(least[free], np.inf), x_scale=0.01, max_nfev=STEPS)
     return whole(found.x)
 
 

@@ -52,7 +52,10 @@ KEYS = {
         "avatars",
         *(f"layers.all up to {size} cm.{key}" for size in (4, 6, 12) for key in ("p99", "p99_9", "greatest")),
     ],
-    "delivery": ["float32.seconds", "int16.seconds", "clips.seconds", "touches.strikes", "touches.within 2 cm"],
+    "delivery": [
+        "float32.seconds", "int16.seconds", "whole.bytes an avatar-frame", "clips.seconds", "touches.strikes",
+        "touches.within 2 cm",
+    ],
     "training": [
         "value_iteration.ratio_to_quantecon_1t", "value_iteration.ratio_to_quantecon_2t",
         "value_iteration.seconds_both_tables", "q_learning.seconds_both_tables", "q_learning.return_ratio",

@@ -50,6 +50,9 @@ from crowdsim.scenario.rates import exact_rate
 _ROTATIONS = {"float32": ("<f4", "<i2", "<i2"), "int16": ("<i2", "<i2", "i1")}
 """How rotations are stored: those of joints that carry joints or props; those of other joints, which as 16 bits put
 their skin within 0.01 mm; and those of helpers, which only move a fold of skin."""
+_CAMERA_TOLERANCES = {"float32": (0.0, 0.0), "int16": (2e-4, 2e-5)}
+"""How far cameras may be off between their keys: positions [m], and components of rotations, which is .05 pixels of a
+picture 1280 pixels wide."""
 _COMPONENTS = {"|i1": 5120, "|u1": 5121, "<i2": 5122, "<u2": 5123, "<u4": 5125, "<f4": 5126}
 _KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 _VERTICES, _INDICES = 34962, 34963
@@ -278,7 +281,7 @@ class GltfSink:
         self._add_targets(document, animate)
         self._add_obstacles(document, animate)
         for camera in self._cameras:
-            document.add_camera(camera, animate)
+            document.add_camera(camera, animate, self._fps, self._rotations)
         document.json["animations"] = [{"name": str(take.scenario), "samplers": samplers, "channels": channels}]
         document.json["scenes"][0]["extras"] = self._extras(there)
         document.json["scenes"][0]["name"] = str(take.scenario)
@@ -361,7 +364,7 @@ class GltfSink:
                 "limb": LIMBS[int(events.limb[row])],
                 "outcome": OUTCOMES[int(events.outcome[row])],
                 **({"damage": round(float(events.damage[row]), 3)} if events.damage[row] > 0.0 else {}),
-                "point": [round(float(value), 4) for value in events.point[row]],
+                "point": [round(float(value), 3) for value in events.point[row]],
             }
             for row in np.flatnonzero(inside)
         ]
@@ -543,8 +546,15 @@ class Document:
         self.json["scenes"][0]["nodes"] += [first, len(self.nodes) - 1]
         return first
 
-    def add_camera(self, camera: CameraPath, animate: Callable[[int, str, int], None]) -> None:
-        """Add a camera, a node that moves, at the root of the scene."""
+    def add_camera(self, camera: CameraPath, animate: Callable[..., None], fps: Fraction, rotations: str) -> None:
+        """Add a camera, a node that moves, at the root of the scene; it has keys where a line between others is off.
+
+        Args:
+            camera: The camera.
+            animate: Adds a track of a node: node, path, accessor of the values, and of their times if not all frames.
+            fps: Output frames a second.
+            rotations: ``float32``, which leaves out keys only where nothing changes, or ``int16``.
+        """
         cameras = self.json.setdefault("cameras", [])
         cameras.append({
             "name": camera.name,
@@ -553,9 +563,17 @@ class Document:
         })  # fmt: skip
         self.nodes.append({"name": camera.name, "camera": len(cameras) - 1})
         self.json["scenes"][0]["nodes"].append(len(self.nodes) - 1)
-        rotations = quaternion.continuous(camera.rotations)[:, [1, 2, 3, 0]]
-        animate(len(self.nodes) - 1, "translation", self.add(camera.positions.astype("<f4")))
-        animate(len(self.nodes) - 1, "rotation", self.add(rotations.astype("<f4")))
+        turned = quaternion.continuous(camera.rotations)[:, [1, 2, 3, 0]]
+        tracks = ("translation", camera.positions, "<f4"), ("rotation", turned, _ROTATIONS[rotations][0])
+        for (path, values, dtype), tolerance in zip(tracks, _CAMERA_TOLERANCES[rotations], strict=True):
+            keys, one = sparse_keys(values, tolerance), _one(dtype)
+            stored = (values if one == 1.0 else np.round(one * values)).astype(dtype)
+            # A key of a track that has not all frames takes four bytes more, for its time.
+            if len(keys) * (stored[0].nbytes + 4) < stored.nbytes:
+                moments = self.add(key_times(keys, fps), limits=True)
+                animate(len(self.nodes) - 1, path, self.add(stored[keys]), moments)
+            else:
+                animate(len(self.nodes) - 1, path, self.add(stored))
 
     def add_obstacle(self, name: str, kind: int, meshes: list[Mesh]) -> int:
         """Add an obstacle to the root of the scene, and return its node."""
@@ -963,6 +981,29 @@ def _whole_weights(weights: Array) -> Array:
     whole = np.round(weights * 65535.0).astype(np.int64)
     whole[:, 0] += 65535 - whole.sum(axis=1)
     return whole.astype("<u2")
+
+
+def sparse_keys(values: Array, tolerance: float) -> Array:
+    """Return frames that are enough as keys: lines between them are within a tolerance of all others. Shape (k,).
+
+    Args:
+        values: A row for each frame. Shape (F, n).
+        tolerance: How far each value may be off.
+    """
+    keys, last = [0], values[0]
+    low, high = np.full(values.shape[1], -np.inf), np.full(values.shape[1], np.inf)
+    for frame, row in enumerate(values[1:], 1):
+        slope = (row - last) / (frame - keys[-1])
+        if np.any(slope < low) or np.any(slope > high):
+            keys.append(frame - 1)
+            last = values[frame - 1]
+            slope, low, high = row - last, np.full_like(low, -np.inf), np.full_like(high, np.inf)
+        # Lines that pass through the last key and close enough to this frame.
+        reach = tolerance / (frame - keys[-1])
+        low, high = np.maximum(low, slope - reach), np.minimum(high, slope + reach)
+    if np.any(values[-1] != last):
+        keys.append(len(values) - 1)
+    return np.array(keys)
 
 
 def key_times(frames: Array, fps: Fraction) -> Array:

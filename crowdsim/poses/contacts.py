@@ -168,13 +168,16 @@ def find_surfaces(
             build = scales, take.cast.girths[numbers], take.cast.stretches[numbers]
             bodies = PosedBodies(body, np.arange(len(which)), *build, positions[None], rotations[None])
             # Fists that miss leave arms to these, which give way.
-            surface, lower_arms = find_outlines(bodies, take.cast.sexes[numbers], ~near.missed[chosen])
+            surface, lower_arms = find_outlines(
+                bodies, take.cast.sexes[numbers], ~near.missed[chosen], take.cast.bare[numbers]
+            )
             goals = points[chosen]
             for _ in range(1 if balls_at is None else _SWINGS):
                 alone = Balls(np.zeros((len(chosen), 1, 3)), thick[:, None])
                 balls = alone if balls_at is None else balls_at(chosen, goals)
-                # Fists that land stay out of forearms and hands: an arm that gives way would move what they hit.
-                goals = touch_surface(points[chosen], balls, surface, lower_arms)
+                # Fists that land stay out of forearms and hands: an arm that gives way would move what they hit. Each
+                # time they set out from where they are: anew they could take turns between two sides of an arm.
+                goals = touch_surface(goals, balls, surface, lower_arms)
             points[chosen] = goals
             gaps = surface.gaps(fists[chosen])[0] - thick
             for arm, columns in enumerate(upper_arms(body)):

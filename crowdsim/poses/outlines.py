@@ -23,6 +23,8 @@ WRIST_IN = 0.01
 """How deep the wrist behind a fist may be in trunk and head around strikes [m]."""
 GIVES_WAY, LIFTED = 0.002, 0.008
 """How deep cuffs and thumbs may be where fists touch, and how far off fists may be where they are deeper [m]."""
+GLOVE_PADDING = 0.02
+"""How much thicker gloves are than their capsules, by their thumbs most [m]."""
 _LOWER_ARMS = ("left_elbow", "left_hand", "right_elbow", "right_hand")
 """Roles of the joints that forearms and hands hang on."""
 
@@ -103,13 +105,16 @@ def find_surface(bodies: PosedBodies, sexes: Array, arms: Array | bool = True) -
     return find_outlines(bodies, sexes, arms)[0]
 
 
-def find_outlines(bodies: PosedBodies, sexes: Array, arms: Array | bool = True) -> tuple[Surface, Surface]:
+def find_outlines(
+    bodies: PosedBodies, sexes: Array, arms: Array | bool = True, bare: Array | bool = True
+) -> tuple[Surface, Surface]:
     """Return the skin of trunks, heads and upper arms at one time, and the capsules of forearms and hands.
 
     Args:
         bodies: Bodies at one time.
         sexes: Sex of each. Shape (n,), str.
         arms: Which bodies have arms. Shape (n,).
+        bare: Which have no gloves, which are thicker than their capsules. Shape (n,).
     """
     body, order, girths = bodies.body, capsule_order(bodies.body), np.asarray(bodies.girths, float)
     pieces, widths = np.empty((len(girths), len(PIECES), 2, 4)), np.empty(len(girths))
@@ -122,7 +127,11 @@ def find_outlines(bodies: PosedBodies, sexes: Array, arms: Array | bool = True) 
     lower = np.isin(body.capsule_joints[order], [body.roles[role] for role in _LOWER_ARMS])
     capsules = place_capsules([bodies], 1, len(bodies.columns))
     starts, ends = (values[0][:, lower].astype(float) for values in (capsules.starts, capsules.ends))
-    thick = np.where(np.reshape(arms, (-1, 1, 1)), capsules.radii[:, lower], -1.0)
+    thick = capsules.radii[:, lower].astype(float)
+    thick[:, body.capsule_parts[order[lower]] == PARTS.index("glove")] += np.where(
+        np.reshape(bare, (-1, 1, 1)), 0.0, GLOVE_PADDING * np.reshape(bodies.scales, (-1, 1, 1))
+    )
+    thick = np.where(np.reshape(arms, (-1, 1, 1)), thick, -1.0)
     return surface, Surface(starts, ends - starts, thick)
 
 

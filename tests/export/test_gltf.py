@@ -26,7 +26,7 @@ from crowdsim.crowd.attachments import WOOD
 from crowdsim.crowd.props import FACE, PROP
 from crowdsim.errors import CrowdsimError, OutputError
 from crowdsim.export import gltf, stream
-from crowdsim.export.gltf import write_gltf
+from crowdsim.export.gltf import sparse_keys, write_gltf
 from crowdsim.export.posed import write_posed
 from crowdsim.export.prop_meshes import capsule_mesh
 from crowdsim.outputs.bvh import BvhOutput
@@ -80,15 +80,18 @@ class Scene:
         return np.maximum(found / np.iinfo(dtype).max, -1.0) if accessor.normalized else found
 
     def at(self, time: float) -> np.ndarray:
-        """Matrices of all nodes in the world at the time of a key. Shape (n, 4, 4)."""
+        """Matrices of all nodes in the world at a time. Shape (n, 4, 4)."""
         states = [{"translation": node.translation or [0, 0, 0], "rotation": node.rotation or [0, 0, 0, 1],
                    "scale": node.scale or [1, 1, 1]} for node in self.gltf.nodes]  # fmt: skip
         (animation,) = self.gltf.animations
         for channel in animation.channels:
             sampler = animation.samplers[channel.sampler]
             times = self.values(sampler.input)[:, 0]
-            row = int(np.searchsorted(times, np.float32(time), side="right")) - 1
-            states[channel.target.node][channel.target.path] = self.values(sampler.output)[row].astype(float)
+            row = max(int(np.searchsorted(times, np.float32(time), side="right")) - 1, 0)
+            value, *after = self.values(sampler.output)[row : row + 2].astype(float)
+            if after and sampler.interpolation != "STEP":
+                value = value + (np.float32(time) - times[row]) / (times[row + 1] - times[row]) * (after[0] - value)
+            states[channel.target.node][channel.target.path] = value
         found: dict[int, np.ndarray] = {}
 
         def world(node: int) -> np.ndarray:
@@ -193,6 +196,7 @@ def test_extras_say_teams_types_and_strikes(sampler: PoseSampler, tmp_path: Path
     harm = sampler.take.events.damage
     np.testing.assert_allclose([strike.get("damage", 0.0) for strike in strikes], harm, atol=1e-3)
     np.testing.assert_allclose([strike["seconds"] for strike in strikes], table["seconds"], atol=1e-3)
+    np.testing.assert_allclose([strike["point"] for strike in strikes], sampler.take.events.point, atol=5.1e-4)
 
 
 def test_types_are_told_apart_by_their_shorts(sampler: PoseSampler, tmp_path: Path) -> None:
@@ -410,21 +414,39 @@ def test_a_capsule_is_a_closed_surface_as_large_as_it(end: tuple[float, float, f
     np.testing.assert_allclose(distance_to(found.positions, np.zeros(3), np.array(end)), 0.05, atol=1e-9)
 
 
-@pytest.mark.parametrize("camera", ["fight", "front+side"])
-def test_cameras_come_along_as_pictures_have_them(sampler: PoseSampler, tmp_path: Path, camera: str) -> None:
-    (path,) = write_posed(sampler, tmp_path, [GlbOutput(fps=30.0, frames=(10, 50), camera=camera)])["glb"][:1]
+@pytest.mark.parametrize(("rotations", "metres", "radians"), [("float32", 1e-5, 1e-5), ("int16", 2.1e-4, 1.5e-4)])
+@pytest.mark.parametrize("camera", ["fight", "front+side", "orbit"])
+def test_cameras_come_along_as_pictures_have_them(
+    sampler: PoseSampler, tmp_path: Path, camera: str, rotations: str, metres: float, radians: float
+) -> None:
+    output = GlbOutput(fps=30.0, frames=(10, 50), camera=camera, rotations=rotations)
+    (path,) = write_posed(sampler, tmp_path, [output])["glb"][:1]
     scene, source = Scene(path), TakeSource(sampler.take, sampler.policies, 30.0)
     for number, one in enumerate(resolve_camera(source, camera)):
         node = scene.names.index(f"camera_{number}" if number else "camera")
         track = build_track(source, one, (1280, 720))
-        for frame in (10, 11, 30, 49):
+        for frame in range(10, 50):
             view, world = track.view(frame), scene.at((frame - 10) / 30)[node]
-            np.testing.assert_allclose(world[:3, 3], view.eye, atol=1e-5)
-            np.testing.assert_allclose(-world[:3, 2], view.ahead, atol=1e-5)
-            np.testing.assert_allclose(world[:3, 0], view.right, atol=1e-5)
+            np.testing.assert_allclose(world[:3, 3], view.eye, atol=metres)
+            np.testing.assert_allclose(-world[:3, 2], view.ahead, atol=radians)
+            np.testing.assert_allclose(world[:3, 0], view.right, atol=radians)
         lens = scene.gltf.cameras[scene.gltf.nodes[node].camera].perspective
         assert lens.yfov == pytest.approx(track.view(10).field, abs=1e-6)
         assert lens.aspectRatio == pytest.approx(1280 / 720, abs=1e-5)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 1e-3, 0.1])
+def test_lines_between_sparse_keys_are_within_the_tolerance(tolerance: float) -> None:
+    frames = np.arange(200)
+    steps = np.random.default_rng(4).normal(size=(200, 3))
+    jump = np.where(frames < 120, 0.0, 7.0)[:, None] * np.ones(3)
+    for values in (0.01 * np.cumsum(steps, axis=0), np.sin(frames / 40.0)[:, None] * [1.0, 2.0, 0.5], jump, steps[:1]):
+        keys = sparse_keys(values, tolerance)
+        between = np.stack([np.interp(frames[: len(values)], keys, column[keys]) for column in values.T], axis=1)
+        assert np.abs(between - values).max() <= tolerance + 1e-12
+    assert sparse_keys(jump, tolerance).tolist()[:3] == [0, 119, 120]
+    assert sparse_keys(jump[:120], tolerance).tolist() == [0]
+    assert len(sparse_keys(np.sin(frames / 40.0)[:, None], 0.1)) < 20
 
 
 def test_each_avatar_may_have_a_file_of_the_frames_in_which_it_is_there(sampler: PoseSampler, tmp_path: Path) -> None:

@@ -102,10 +102,10 @@ def deepest(monkeypatch: pytest.MonkeyPatch, stops: bool, gap: float) -> float:
 
 
 def test_fists_go_no_deeper_before_and_after_a_strike(monkeypatch: pytest.MonkeyPatch) -> None:
-    through = deepest(monkeypatch, False, -0.12)
+    through = deepest(monkeypatch, False, -0.16)
     monkeypatch.undo()
-    stopped = deepest(monkeypatch, True, -0.12)
-    assert stopped < through - 0.03
+    stopped = deepest(monkeypatch, True, -0.16)
+    assert stopped < through - 0.015
 
 
 def test_times_over_which_fists_stop_are_within_those_that_bodies_are_read_for() -> None:

@@ -25,6 +25,7 @@ from crowdsim.poses.layer import Block, Part, Reader, Scheduler
 from crowdsim.poses.layers.fists import Fists
 from crowdsim.poses.layers.kicks import Kicks
 from crowdsim.poses.neighbours import near_avatars
+from crowdsim.poses.outlines import GLOVE_PADDING
 from crowdsim.poses.together import each
 
 _LANDS = 0.1
@@ -38,8 +39,6 @@ smoothing lowers its peaks. A knee may have to go to one side of a leg at one ti
 _SPARSE, _FAR_OFF = np.array([-4, -2, 0, 2, 4]), 1.4 * np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
 """Times of the grid around one that is shown at which limbs are pushed out of bodies from far away, and their weights:
 nearly the others' at half as many times."""
-_PADDING = 0.02
-"""How much thicker gloves are than their capsules [m]."""
 _CREEP, _WIDE = 0.06, 2
 """How far they go at the most [m], and how long they stay where they have to go, before and after [control frames]."""
 _ASIDE, _BESIDE = 0.25, 1.4
@@ -273,12 +272,11 @@ class Deflection(Reader):
             bodies.append(PosedBodies(body, which, scales[which], girths[which], lengths, unknown, unknown))
         sizes = size_capsules(bodies, len(near))
         for block in blocks:
-            # Gloves are thicker than their capsules, by their thumbs most.
             body = self.poser.motions[block.part.policy].body
             padded = np.flatnonzero(body.capsule_parts[capsule_order(body)] == PARTS.index("glove"))
             gloved = block.which[~cast.bare[near[block.which]], None]
             for values in sizes[:2]:
-                values[gloved, padded] += (_PADDING * scales[gloved]).reshape(-1, 1, *(1,) * (values.ndim - 2))
+                values[gloved, padded] += (GLOVE_PADDING * scales[gloved]).reshape(-1, 1, *(1,) * (values.ndim - 2))
         limbs, weights = np.full(sizes[1].shape, -1, np.int64), np.zeros((*sizes[1].shape, MOVED, 2))
         for block in blocks:
             riding, along = self._riding[block.part.policy]

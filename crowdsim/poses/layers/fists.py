@@ -14,14 +14,14 @@ from crowdsim.motion.strikes import HANDS
 from crowdsim.poses.contacts import PoseAt, body_points, find_surfaces, strikes_near, within
 from crowdsim.poses.hits import SPANS, TOGETHER, Landed, by_column
 from crowdsim.poses.kernels.columns import LOWER, MIDDLE, UPPER
-from crowdsim.poses.kernels.fists import ELBOW_LEAST, JOINTS, LEAN, MOTION, Landings, carry_fists, swing_forearms
+from crowdsim.poses.kernels.fists import ELBOW_LEAST, LEAN, MOTION, Landings, carry_fists, swing_forearms
 from crowdsim.poses.kernels.records import Posed
 from crowdsim.poses.layer import Layer, Part
 from crowdsim.poses.motion import PoseMotion
 from crowdsim.poses.outlines import Balls, hand_balls, striker_radii
 from crowdsim.poses.skins import HAND_BALLS
 from crowdsim.poses.stops import find_stops
-from crowdsim.poses.trunk_assist import leaning_joints, plan_leans
+from crowdsim.poses.trunk_assist import Leans, Trunks, find_trunks, leaning_joints, plan_leans
 
 MOST = 0.8
 """Furthest that a fist is carried [m]."""
@@ -78,19 +78,18 @@ def plan_landings(
         hops: How many avatars lie between them and those that are shown.
     """
     arms = motion.arms
-    fists, shoulders, wrists = np.full((3, len(near.times), 3), np.nan)
-    elbows, hinges = np.full((2, len(near.times), 3), np.nan)
+    fists, hinges = np.full((2, len(near.times), 3), np.nan)
+    trunks = Trunks(*(np.full((len(near.times), *shape), np.nan) for shape in ((3, 3), (3, 3), (3,), (3, 4), (3,))))
     offsets = np.full((len(near.times), *HAND_BALLS["gloves"][:, :3].shape), np.nan)
     thick = np.zeros(offsets.shape[:2])
     radii, bare = np.zeros(len(near.times)), take.cast.bare[near.attackers]
-    posed = pose_at(near.attackers, near.times)
-    for which, body, scales, positions, rotations in posed:
+    for which, body, scales, positions, rotations in pose_at(near.attackers, near.times):
         rows, hands = np.arange(len(which)), near.hands[which]
         fists[which] = body_points(body, positions, rotations, scales)[3][rows, hands]
         radii[which] = striker_radii(body, hands, scales, bare[which])
-        shoulders[which], elbows[which], wrists[which] = (
-            positions[rows, arms.joints[hands, k]] for k in (UPPER, MIDDLE, LOWER)
-        )
+        found = find_trunks(arms, hands, take.cast.arms[near.attackers[which]], positions, rotations)
+        for values, one in zip(trunks, found, strict=True):
+            values[which] = one
         ends = rotations[rows, arms.joints[hands, LOWER]].astype(float)
         hinges[which] = quaternion.rotate(rotations[rows, arms.joints[hands, UPPER]].astype(float), arms.hinges[hands])
         own = hand_balls(body, arms.hinges, hands, scales, bare[which])
@@ -98,36 +97,35 @@ def plan_landings(
 
     # A fist that misses is moved out of a body by itself; thumb and wrist may stay in it.
     thick[near.missed, 1:] = -1.0
-    behind = wrists - fists
+    behind = trunks.arms[:, 2] - fists
 
-    def turn_hands(some: Array, points: Array) -> Array:
+    def shifts_to(some: Array, points: Array) -> Array:
+        shifts = points - fists[some]
+        shifts = shifts * np.minimum(1.0, MOST / np.maximum(np.linalg.norm(shifts, axis=-1, keepdims=True), 1e-9))
+        return np.where(np.isfinite(shifts), shifts, 0.0)
+
+    def turn_hands(some: Array, points: Array, leans: Leans) -> Array:
+        """Return how hands turn whose trunks have leaned and whose fists go to points."""
         turns = np.empty((len(some), 4))
-        swing_forearms(0, len(some), shoulders[some], elbows[some], wrists[some], hinges[some], behind[some],
-                       points, turns)  # fmt: skip
-        return turns
+        carried, leaned = leans.carry(trunks.of(some))
+        upper, middle, end = (np.ascontiguousarray(carried[:, k]) for k in (UPPER, MIDDLE, LOWER))
+        swing_forearms(0, len(some), upper, middle, end, quaternion.rotate(leaned, hinges[some]),
+                       quaternion.rotate(leaned, behind[some]), points, turns)  # fmt: skip
+        return quaternion.multiply(turns, leaned)
 
     def balls_at(some: Array, points: Array) -> Balls:
-        return Balls(quaternion.rotate(turn_hands(some, points)[:, None], offsets[some]), thick[some])
+        turns = turn_hands(some, points, plan_leans(trunks.of(some), ELBOW_LEAST, shifts_to(some, points)))
+        return Balls(quaternion.rotate(turns[:, None], offsets[some]), thick[some])
 
-    touched, struck = find_surfaces(take, near, fists, shoulders, radii, struck_at, motion.target, hops < 2, balls_at)
-    shifts = touched - fists
-    length = np.linalg.norm(shifts, axis=-1, keepdims=True)
-    shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))
-    shifts = np.where(np.isfinite(shifts), shifts, 0.0)
+    touched, struck = find_surfaces(take, near, fists, trunks.arms[:, 0], radii, struck_at, motion.target, True,
+                                    balls_at)  # fmt: skip
+    everyone = np.arange(len(near.times))
+    shifts = shifts_to(everyone, touched)
     stopped = ~near.blocked & (~near.missed | (shifts != 0.0).any(axis=1)) & (hops == 0)
-    turned = quaternion.rotate(turn_hands(np.arange(len(near.times)), touched), behind)
+    planned = plan_leans(trunks, ELBOW_LEAST, shifts)
+    turned = quaternion.rotate(turn_hands(everyone, touched, planned), behind)
     stops = find_stops(take, near, touched, touched + turned, stopped, pose_at)
-    leans, moves = np.zeros((len(near.times), JOINTS, 3)), np.zeros((len(near.times), 3))
-    for which, _, _, positions, rotations in posed:
-        leans[which], moves[which] = plan_leans(
-            arms,
-            ELBOW_LEAST,
-            near.hands[which],
-            shifts[which],
-            take.cast.arms[near.attackers[which]],
-            positions,
-            rotations,
-        )
+    leans, moves = planned.rotations(trunks, near.hands), planned.shifts
     order, starts = by_column(columns[near.attackers], count, near.times)
     for values in (leans, moves):
         # Absent avatars have no positions.
