@@ -214,6 +214,29 @@ def test_files_inside_folders_of_outputs_are_touched_by_one_module_alone() -> No
     assert found <= set(OTHER_WAYS)
 
 
+def test_kernels_that_call_what_creates_arrays_say_so() -> None:
+    # numba takes over from the first caller whether references are counted, so that it would depend on the order.
+    kernels: dict[tuple[str, str], tuple[str, set[tuple[str, str]]]] = {}
+    for path in MODULES:
+        module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        known = {
+            alias.asname or alias.name: (node.module, alias.name)
+            for node in parsed(path).body
+            if isinstance(node, ast.ImportFrom) and node.module
+            for alias in node.names
+        }
+        for node in parsed(path).body:
+            said = [ast.unparse(one) for one in node.decorator_list] if isinstance(node, ast.FunctionDef) else []
+            if any(re.match(r"kernel\b", one) for one in said):
+                called = {
+                    one.func.id for one in ast.walk(node) if isinstance(one, ast.Call) and hasattr(one.func, "id")
+                }
+                kernels[module, node.name] = said[0], {known.get(name, (module, name)) for name in called}
+    creates = {which for which, (said, _) in kernels.items() if "allocates=True" in said}
+    assert len(creates) > 20
+    assert {which for which, (_, called) in kernels.items() if called & creates} <= creates
+
+
 def test_only_point_clouds_import_open3d() -> None:
     def importing(names: set[str], everywhere: bool) -> set[str]:
         found = {path: {name.split(".")[0] for name in imports(path, everywhere)} for path in MODULES}

@@ -126,8 +126,8 @@ import numpy as np
 from twig.jit import ahead
 started = []
 start = ahead._start
-def note(uses):
-    started.append(start(uses))
+def note(number, uses):
+    started.append(start(number, uses))
     return started[-1]
 ahead._start = note
 with ahead.compile_ahead(["few"], 2):
@@ -254,7 +254,7 @@ def test_where_no_worker_can_be_started_a_run_goes_on(twig):
 import json
 import numpy as np
 from twig.jit import ahead
-def fail(uses):
+def fail(number, uses):
     raise BlockingIOError("no more processes")
 ahead._start = fail
 with ahead.compile_ahead(["few"], 2):
@@ -270,7 +270,7 @@ def test_a_worker_that_does_not_stop_is_ended(twig):
 import json, subprocess, sys, time
 from twig.jit import ahead
 slow = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print(flush=True); time.sleep(60)"
-def begin(uses):
+def begin(number, uses):
     process = subprocess.Popen([sys.executable, "-c", slow], stdout=subprocess.PIPE)
     process.stdout.readline()
     return process

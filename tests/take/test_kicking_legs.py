@@ -62,9 +62,10 @@ def test_a_kick_that_lands_touches(kick: int, gap: float, scale: float) -> None:
     assert abs(touch_gap(database().body, poses, int(take.events.limb[0]))) < 0.02
 
 
-@pytest.mark.parametrize("kick", [0, 1])
-def test_the_other_foot_stays_and_the_kicking_one_is_free_when_it_is_planted(kick: int) -> None:
-    take, policy, frame = duel(kick, 0.08)
+# A kick to the side meets the skin of the flank, which is further out than the capsule of the torso.
+@pytest.mark.parametrize(("kick", "gap"), [(0, 0.08), (1, 0.1)])
+def test_the_other_foot_stays_and_the_kicking_one_is_free_when_it_is_planted(kick: int, gap: float) -> None:
+    take, policy, frame = duel(kick, gap)
     take = replace(take, collision_avoidance=False)
     frames = take.output_frames(FPS)
     kicking, calm = (

@@ -96,7 +96,7 @@ def run_episodes(rules, states, targets, numbers, out, used):
         _run_episode(rules, np.int64(states[i]), targets[i], numbers[i], room, out[i], used)
 
 
-@kernel
+@kernel(allocates=True)
 def _run_episode(rules, state, start, number, room, out, used):
     """Play one episode."""
     actions = rules.judge.actions
@@ -123,7 +123,7 @@ def _run_episode(rules, state, start, number, room, out, used):
     out.frames = frame
 
 
-@kernel
+@kernel(allocates=True)
 def _choose(rules, state, target, decision, room):
     """Return the action that is done next."""
     offsets = rules.judge.actions.offsets

@@ -54,7 +54,7 @@ def _observe(model, layers, q, action, m, h, draw, found):
     return earned + model.discounts[action] * best_after(model, layers, q, outcome, action, m, h, found)
 
 
-@kernel
+@kernel(allocates=True)
 def try_everything(low, high, model, layers, q, out, learning, changes):
     """Do one round of exploration: every action of states ``low`` to ``high`` is tried once in every cell.
 
@@ -79,7 +79,7 @@ def try_everything(low, high, model, layers, q, out, learning, changes):
         changes[s] = change
 
 
-@kernel
+@kernel(allocates=True)
 def try_best(low, high, model, layers, q, entries, values, learning, tries):
     """Do one round of exploitation: the action that is best so far in a cell is tried a few times.
 

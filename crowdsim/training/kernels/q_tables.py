@@ -80,7 +80,7 @@ def _back_up_q(model, layers, q, action, m, h, found):
     return total
 
 
-@kernel
+@kernel(allocates=True)
 def improve_q(low, high, model, layers, q, out, residuals):
     """Do one sweep of the paper's backup over every action of states ``low`` to ``high`` and every cell."""
     moving, found = len(model.xs), empty_successors(1)
@@ -97,7 +97,7 @@ def improve_q(low, high, model, layers, q, out, residuals):
         residuals[s] = residual
 
 
-@kernel
+@kernel(allocates=True)
 def improve_best_q(low, high, model, layers, q, entries, values):
     """Back up only the action that is best so far in every cell of states ``low`` to ``high``.
 

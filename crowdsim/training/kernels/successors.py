@@ -153,7 +153,7 @@ def find_successor(model, outcome, action, m, found):
     find_successors(model.axes, model.ends[outcome, action], model.xs[m : m + 1], model.zs[m : m + 1], found)
 
 
-@kernel
+@kernel(allocates=True)
 def list_corners(axes, ends, xs, zs, cells, weights):
     """Write the corners around the successors of targets over (xs, zs), and their weights.
 
