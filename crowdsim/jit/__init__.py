@@ -11,7 +11,6 @@ def kernel(
     *,
     inline: bool = False,
     allocates: bool = False,
-    apart: bool = False,
     fastmath: Collection[str] = (),
     name: str = "",
 ) -> Any:
@@ -30,16 +29,12 @@ def kernel(
         inline: The compiled code becomes part of each caller, which saves passing arrays; it allocates nothing.
         allocates: Whether the kernel creates arrays. Then it counts references, which costs two atomic operations for
             every array that is passed to it or read from a named tuple; where most time is spent nothing is created.
-        apart: The compiled code is there once for all callers: for what is long, has few arguments, and is called in
-            many places.
         fastmath: LLVM's flags for faster arithmetic that the kernel permits.
         name: Its name, which must be the only one of a file, where the function is defined anew for each of several
             uses.
     """
     if function is None:
-        return lambda wanted: kernel(
-            wanted, inline=inline, allocates=allocates, apart=apart, fastmath=fastmath, name=name
-        )
+        return lambda wanted: kernel(wanted, inline=inline, allocates=allocates, fastmath=fastmath, name=name)
     if name:
         function.__name__ = function.__qualname__ = name
     from numba import config
@@ -55,4 +50,4 @@ def kernel(
         options["forceinline"] = True
     if config.DISABLE_JIT:  # type: ignore[attr-defined]
         return function
-    return build_dispatcher(function, options, apart)
+    return build_dispatcher(function, options)

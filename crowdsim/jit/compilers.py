@@ -103,30 +103,6 @@ class PartCompiler(KernelCompiler):
         return result
 
 
-class ApartLibrary(PartLibrary):
-    """Code of a kernel that its callers call, rather than hold a copy of."""
-
-    def add_ir_module(self, ir_module: Any) -> None:
-        """Add a function, which numba would let its callers hold if it was first called by one that they hold."""
-        for function in ir_module.functions:
-            if function.blocks:
-                function.attributes.discard("alwaysinline")
-                function.attributes.add("noinline")
-        super().add_ir_module(ir_module)
-
-
-class ApartCompiler(PartCompiler):
-    """Translates a kernel into a part of others whose code is there once."""
-
-    library = ApartLibrary
-
-    def compile_extra(self, function: Any) -> Any:
-        """Translate a function."""
-        result = super().compile_extra(function)
-        result.fndesc.inline = False
-        return result
-
-
 def _short_name(name: str, kinds: tuple[Any, ...], *, abi_tags: tuple[str, ...] = (), uid: int | None = None) -> str:
     """Return the name of a compiled function; numba's own spells out the types, which takes kilobytes for records."""
     kind = hashlib.sha256(" ".join(map(str, kinds)).encode()).hexdigest()[:16]

@@ -11,24 +11,22 @@ from numba import types
 from numba.core.compiler_lock import global_compiler_lock
 
 from crowdsim.jit.cache import KernelCache
-from crowdsim.jit.compilers import ApartCompiler, KernelCompiler, PartCompiler
+from crowdsim.jit.compilers import KernelCompiler, PartCompiler
 
 
-def build_dispatcher(function: Callable[..., Any], options: dict[str, Any], apart: bool = False) -> Any:
+def build_dispatcher(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """Return what Python calls instead of a function; kernels that name it call its part (``compilers``).
 
     Args:
         function: The function.
         options: numba's options.
-        apart: Whether the code does not become part of callers.
     """
     dispatcher: Any = numba.njit(pipeline_class=KernelCompiler, no_cfunc_wrapper=True, **options)(function)
     _keep(dispatcher, KernelCache(function, part=False))
 
     @cache
     def part() -> Any:
-        compiler = ApartCompiler if apart else PartCompiler
-        one: Any = numba.njit(pipeline_class=compiler, no_cfunc_wrapper=True, no_cpython_wrapper=True, **options)(
+        one: Any = numba.njit(pipeline_class=PartCompiler, no_cfunc_wrapper=True, no_cpython_wrapper=True, **options)(
             function
         )
         one.add_overload = lambda result: one.overloads.update({tuple(result.signature.args): result})

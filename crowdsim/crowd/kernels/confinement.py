@@ -135,7 +135,7 @@ def _find_push(model, avatars, places, frame, i, ahead, base):
     return push
 
 
-@kernel(apart=True)
+@kernel
 def _push_out(outline, places, frame, cell, from_x, from_z, heading, size, far, spare):
     """Return how far a body that has an outline goes out of the obstacles that a cell lists and that are near [m].
 

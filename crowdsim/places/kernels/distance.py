@@ -49,7 +49,7 @@ def part_gap(part, x, z):
     return gap, a * part.ux - b * part.uz, a * part.uz + b * part.ux
 
 
-@kernel(inline=True)
+@kernel
 def way_gap(part, x, z, to_x, to_z, enough):
     """Return how far a straight way is from a part, not above 0 where it leads through [m].
 
@@ -63,14 +63,8 @@ def way_gap(part, x, z, to_x, to_z, enough):
     beside = max(_beside(a, along, half_a), _beside(b, across, half_b)) - part.radius
     if beside > max(enough, 0.0):
         return beside
-    return _near_gap(a, along, half_a, b, across, half_b) - part.radius
-
-
-@kernel(apart=True)
-def _near_gap(a, along, half_a, b, across, half_b):
-    """Return how far a way from (a, b) by (along, across) is from a rectangle around the origin, 0 where it enters."""
     if _enters(a, along, half_a, b, across, half_b):
-        return 0.0
+        return -part.radius
     least = min(_square_to(a, b, half_a, half_b), _square_to(a + along, b + across, half_a, half_b))
     length = max(along * along + across * across, 1e-18)
     for corner in range(4):
@@ -79,7 +73,7 @@ def _near_gap(a, along, half_a, b, across, half_b):
         share = min(max(((ca - a) * along + (cb - b) * across) / length, 0.0), 1.0)
         ea, eb = a + share * along - ca, b + share * across - cb
         least = min(least, ea * ea + eb * eb)
-    return math.sqrt(least)
+    return math.sqrt(least) - part.radius
 
 
 @kernel(inline=True)
