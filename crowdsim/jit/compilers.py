@@ -63,7 +63,7 @@ class PartLibrary(KernelLibrary):
         for library in dict.fromkeys(self._linking_libraries):
             getattr(self, "_reload_init", set()).update(getattr(library, "_reload_init", ()))
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)
-        # As numba does to a copy, of which each part would hold one.
+        # numba does this to a copy of the module, which each part would then hold beside its own.
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage == llvm.Linkage.external:
                 function.linkage = llvm.Linkage.linkonce_odr
@@ -97,7 +97,7 @@ class PartCompiler(KernelCompiler):
         """Translate a function, and make it known to those that call it."""
         self.state.flags.no_compile = True
         result = super().compile_extra(function)._replace(entry_point=object())
-        # Most of what it took is in circles, which this frees, and looks at nothing that was there before.
+        # Most of the memory that it took is in reference cycles. This frees them, and scans no older objects.
         gc.collect(0)
         result.target_context.insert_user_function(result.entry_point, result.fndesc, [result.library])
         return result

@@ -12,7 +12,7 @@ from crowdsim.crowd.attachments import shield_radii
 from crowdsim.crowd.record import TakeData
 from crowdsim.motion import quaternion
 from crowdsim.motion.body import Body
-from crowdsim.policy.rewards import TargetBody, posed_distance
+from crowdsim.policy.rewards import TargetBody
 from crowdsim.poses.capsules import PosedBodies
 from crowdsim.poses.guards import guard_of, guard_points, unit
 from crowdsim.poses.hits import Landed
@@ -132,7 +132,6 @@ def find_surfaces(
     radii: Array,
     pose_at: PoseAt,
     target: TargetBody,
-    shown: bool,
     balls_at: BallsAt | None = None,
 ) -> tuple[Array, Array]:
     """Return where the middles of what strikes belong: their surface touches that of what is hit.
@@ -147,12 +146,10 @@ def find_surfaces(
         radii: How thick it is [m]. Shape (E,).
         pose_at: Poses those who are hit.
         target: The body of scripted targets.
-        shown: Whether bodies are as their skin is; else they are simple shapes.
         balls_at: Says what strikes, as balls; a single one when None.
 
     Returns:
-        The middles (E, 3) [m], and the upper arms that are hit (E,), as of ``Landings.struck``: found where bodies are
-        ``shown``.
+        The middles (E, 3) [m], and the upper arms that are hit (E,), as of ``Landings.struck``.
     """
     points, struck = np.full((len(near.times), 3), np.nan), np.full(len(near.times), -1)
     people = np.flatnonzero(near.victims >= 0)
@@ -163,29 +160,27 @@ def find_surfaces(
         # What counts as hit, thicker by what strikes: a middle on it touches.
         outline = *parts, body.head_radius * scales + thick, _SLIM * body.torso_radius * widths + thick
         points[chosen] = surface_point(fists[chosen], *outline, origin=shoulders[chosen])
-        gaps = posed_distance(fists[chosen], *outline)
-        if shown:
-            build = scales, take.cast.girths[numbers], take.cast.stretches[numbers]
-            bodies = PosedBodies(body, np.arange(len(which)), *build, positions[None], rotations[None])
-            # Fists that miss leave arms to these, which give way.
-            surface, lower_arms = find_outlines(
-                bodies, take.cast.sexes[numbers], ~near.missed[chosen], take.cast.bare[numbers]
-            )
-            goals = points[chosen]
-            for _ in range(1 if balls_at is None else _SWINGS):
-                alone = Balls(np.zeros((len(chosen), 1, 3)), thick[:, None])
-                balls = alone if balls_at is None else balls_at(chosen, goals)
-                # Fists that land stay out of forearms and hands: an arm that gives way would move what they hit. Each
-                # time they set out from where they are: anew they could take turns between two sides of an arm.
-                goals = touch_surface(goals, balls, surface, lower_arms)
-            points[chosen] = goals
-            gaps = surface.gaps(fists[chosen])[0] - thick
-            for arm, columns in enumerate(upper_arms(body)):
-                if not len(columns):
-                    continue
-                far = Surface(*(values[:, columns] for values in surface)).gaps(points[chosen])[0] - thick
-                hit = (far < _ON_ARM) & ~near.missed[chosen] & ~near.blocked[chosen]
-                struck[chosen[hit]] = 2 * numbers[hit] + arm
+        build = scales, take.cast.girths[numbers], take.cast.stretches[numbers]
+        bodies = PosedBodies(body, np.arange(len(which)), *build, positions[None], rotations[None])
+        # Fists that miss leave arms to these, which give way.
+        surface, lower_arms = find_outlines(
+            bodies, take.cast.sexes[numbers], ~near.missed[chosen], take.cast.bare[numbers]
+        )
+        goals = points[chosen]
+        for _ in range(1 if balls_at is None else _SWINGS):
+            alone = Balls(np.zeros((len(chosen), 1, 3)), thick[:, None])
+            balls = alone if balls_at is None else balls_at(chosen, goals)
+            # Fists that land stay out of forearms and hands: an arm that gives way would move what they hit. Each
+            # time they set out from where they are: anew they could take turns between two sides of an arm.
+            goals = touch_surface(goals, balls, surface, lower_arms)
+        points[chosen] = goals
+        gaps = surface.gaps(fists[chosen])[0] - thick
+        for arm, columns in enumerate(upper_arms(body)):
+            if not len(columns):
+                continue
+            far = Surface(*(values[:, columns] for values in surface)).gaps(points[chosen])[0] - thick
+            hit = (far < _ON_ARM) & ~near.missed[chosen] & ~near.blocked[chosen]
+            struck[chosen[hit]] = 2 * numbers[hit] + arm
         # A fist that misses is left alone where it is in no body.
         free = chosen[near.missed[chosen] & (gaps >= 0.0)]
         points[free] = fists[free]

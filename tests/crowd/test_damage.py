@@ -12,7 +12,7 @@ from test_simulation import bytes_of, crowd, whole
 from crowdsim.crowd import simulation
 from crowdsim.crowd.crowd import Crowding
 from crowdsim.crowd.kernels import layout
-from crowdsim.crowd.kernels.damage import GRAIN, LATELY, STRONGEST
+from crowdsim.crowd.kernels.damage import GRAIN, LATELY, STRONGEST, _in_order
 from crowdsim.crowd.kernels.interpolation import between
 from crowdsim.crowd.kernels.records import CAPSULE, FALL, LINE, RULE, STRIKE
 from crowdsim.crowd.kernels.resolve import resolve
@@ -354,3 +354,13 @@ def test_the_exhausted_strike_less():
 def test_a_crowd_that_nothing_hurts_has_no_conditions():
     one = Simulation(replace(crowd(), policies=[*POLICIES, policy(1, "q", frames=50, stride=2, name="two")]))
     assert one.avatars.conditions.shape == (0,)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 7, 64, 201])
+def test_strikes_are_put_in_the_order_in_which_they_land_and_of_attackers(count):
+    rng = np.random.default_rng(count)
+    strikes = np.zeros(count + 3, STRIKE)
+    strikes["frame"], strikes["attacker"] = rng.integers(0, 9, count + 3) / 8.0, rng.permutation(count + 3)
+    some = strikes[2 : count + 2]
+    expected = 2 + np.lexsort((some["attacker"], some["frame"]))
+    assert _in_order(strikes, 2, count + 2).tolist() == expected.tolist()

@@ -51,7 +51,10 @@ def apply_damage(model, avatars, world, frame, strikes, first, last):
 
 @kernel(allocates=True)
 def _in_order(strikes, first, last):
-    """Return strikes ``first`` to ``last`` in the order in which they land, by a merge sort: numba's takes seconds."""
+    """Return strikes ``first`` to ``last`` in the order in which they land.
+
+    This is a merge sort. That of numba would take seconds to compile in each kernel that calls this one.
+    """
     count, width = last - first, 1
     order, merged = np.empty(count, np.int64), np.empty(count, np.int64)
     for k in range(count):

@@ -57,6 +57,7 @@ def run_frames(model, avatars, world, now, count, still, fresh, scratch, record,
         before = held
         held = list_strikes(model, avatars, world, then, 0, present, due, strikes, held)
         felled = 0
+        # What creates arrays is called in as few frames as can be: it counts references to all that it is handed.
         if avatars.conditions.shape[0] > 0 and held > before:
             felled, held = resolve(model, avatars, world, then.frame, strikes, before, held)
         else:

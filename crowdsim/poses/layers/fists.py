@@ -117,8 +117,7 @@ def plan_landings(
         turns = turn_hands(some, points, plan_leans(trunks.of(some), ELBOW_LEAST, shifts_to(some, points)))
         return Balls(quaternion.rotate(turns[:, None], offsets[some]), thick[some])
 
-    touched, struck = find_surfaces(take, near, fists, trunks.arms[:, 0], radii, struck_at, motion.target, True,
-                                    balls_at)  # fmt: skip
+    touched, struck = find_surfaces(take, near, fists, trunks.arms[:, 0], radii, struck_at, motion.target, balls_at)
     everyone = np.arange(len(near.times))
     shifts = shifts_to(everyone, touched)
     stopped = ~near.blocked & (~near.missed | (shifts != 0.0).any(axis=1)) & (hops == 0)

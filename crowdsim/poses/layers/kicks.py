@@ -89,7 +89,7 @@ def plan_kicks(
         feet[which] = body_points(body, positions, rotations, scales)[3][rows, near.limbs[which]]
         radii[which] = striker_radii(body, near.limbs[which], scales, bare[which])
         limbs[which] = positions[rows[:, None], joints[sides[which]]]
-    touched, struck = find_surfaces(take, near, feet, limbs[:, 0], radii, struck_at, window.motion.target, shown=True)
+    touched, struck = find_surfaces(take, near, feet, limbs[:, 0], radii, struck_at, window.motion.target)
     shifts = touched - feet
     length = np.linalg.norm(shifts, axis=-1, keepdims=True)
     shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))

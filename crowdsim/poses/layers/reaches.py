@@ -108,7 +108,7 @@ def plan_reaches(
         frames[which] = rotations[at[:, None], np.maximum(parents[chosen], 0)]
     last = np.argmax(np.cumsum(joints >= 0, axis=1), axis=1)
     origins = pivots[np.arange(len(last)), last]
-    goals, _ = find_surfaces(take, near, points, origins, radii, struck_at, motion.target, shown=True)
+    goals, _ = find_surfaces(take, near, points, origins, radii, struck_at, motion.target)
     shifts = goals - points
     length = np.linalg.norm(shifts, axis=1, keepdims=True)
     shifts = shifts * np.minimum(1.0, MOST / np.maximum(length, 1e-9))

@@ -42,13 +42,13 @@ def draw_tiles(first, step, cameras, lights, scene, skins, grids, arenas, flashe
         np.zeros(tiles.SAMPLES * N, np.int32),
         F(camera.focal),
     )
-    cones, spans, seen, faces = scene.cones, scene.spans, grids.tiles, grids.faces
+    cones, spans, by_tile, faces = scene.cones, scene.spans, grids.tiles, grids.faces
     room = Near(np.zeros(cones.shape[0] + 1, np.int32), np.empty(tiles.TOGETHER, np.int32))
     columns, rows = (out.shape[1] + 7) // 8, (out.shape[0] + 7) // 8
     for tile in range(first, columns * rows, step):
         x0, y0 = 8 * (tile % columns), 8 * (tile // columns)
         start_tile(buf, x0, y0, camera)
-        listed = seen.entries[seen.offsets[tile] : seen.offsets[tile + 1]]
+        listed = by_tile.entries[by_tile.offsets[tile] : by_tile.offsets[tile + 1]]
         for index in range(listed.shape[0]):
             c = cones[listed[index]]
             span = spans[listed[index]]
