@@ -53,8 +53,8 @@ KEYS = {
         *(f"layers.all up to {size} cm.{key}" for size in (4, 6, 12) for key in ("p99", "p99_9", "greatest")),
     ],
     "delivery": [
-        "float32.seconds", "int16.seconds", "whole.bytes an avatar-frame", "clips.seconds", "touches.strikes",
-        "touches.within 2 cm",
+        "float32.seconds", "int16.seconds", "whole.bytes an avatar-frame", "whole.bytes an avatar-frame eye",
+        "clips.seconds", "touches.strikes", "touches.within 2 cm",
     ],
     "training": [
         "value_iteration.ratio_to_quantecon_1t", "value_iteration.ratio_to_quantecon_2t",

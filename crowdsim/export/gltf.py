@@ -349,25 +349,24 @@ class GltfSink:
                 animate(node, "scale", document.add(scales), moments, True)
 
     def _extras(self, there: dict[int, Array]) -> dict[str, Any]:
-        """What a scene says of its crowd: rate, first frame and the strikes of its frames, seconds from its start."""
+        """What a scene says of its crowd: rate, first frame, and its strikes, a list for each property of these."""
         take = self._sampler.take
         found: dict[str, Any] = {"fps": str(self._fps), "first_frame": self.start, "seed": int(take.seed)}
         events = take.events
         seconds = self._seconds()
         inside = (seconds >= 0.0) & (seconds <= float((self._frames - 1) / self._fps))
         inside &= np.isin(np.asarray(events.attacker), list(there))
-        found["strikes"] = [
-            {
-                "seconds": round(float(seconds[row]), 4),
-                "attacker": int(events.attacker[row]),
-                "victim": int(events.victim[row]),
-                "limb": LIMBS[int(events.limb[row])],
-                "outcome": OUTCOMES[int(events.outcome[row])],
-                **({"damage": round(float(events.damage[row]), 3)} if events.damage[row] > 0.0 else {}),
-                "point": [round(float(value), 3) for value in events.point[row]],
-            }
-            for row in np.flatnonzero(inside)
-        ]
+        rows = np.flatnonzero(inside)
+        found["strikes"] = {
+            "seconds": [round(float(seconds[row]), 4) for row in rows],
+            "attacker": [int(events.attacker[row]) for row in rows],
+            "victim": [int(events.victim[row]) for row in rows],
+            "limb": [LIMBS[int(events.limb[row])] for row in rows],
+            "outcome": [OUTCOMES[int(events.outcome[row])] for row in rows],
+            "point": [[round(float(value), 3) for value in events.point[row]] for row in rows],
+        }
+        if np.any(np.asarray(events.damage)[rows] > 0.0):
+            found["strikes"]["damage"] = [round(float(events.damage[row]), 3) for row in rows]
         return found
 
 
@@ -503,7 +502,7 @@ class Document:
             extras: What its node says of it.
         """
         skin, first = added.skin, len(self.nodes)
-        self.nodes.append({"name": name, "scale": [scale] * 3, "children": [first + 1], "extras": extras})
+        self.nodes.append({"name": name, "scale": [round(scale, 7)] * 3, "children": [first + 1], "extras": extras})
         parents = [*skin.parents, *skin.parents[skin.helpers]]
         offsets = np.concatenate([skeleton.offsets, skeleton.offsets[skin.helpers]])
         names = [*skeleton.names, *(f"{skeleton.names[joint]}Half" for joint in skin.helpers)]

@@ -80,7 +80,7 @@ def test_three_js_moves_the_bodies_that_we_posed(sampler: PoseSampler, tmp_path:
     positions = poses.joints()[0].astype(float)
     assert found["animations"] == 1
     assert [(name, about["avatar"]) for name, about in found["avatars"]] == [("red_0", 0), ("red_1", 1), ("late_0", 2)]
-    assert len(found["strikes"]) == len(sampler.take.strikes())
+    assert found["strikes"]["attacker"] == sampler.take.strikes()["attacker"].tolist()
     assert np.ptp(np.array(found["eyes"]), axis=0).max() > 0.01
     seen = 0
     for row, frame in enumerate(frames):
