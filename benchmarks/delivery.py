@@ -7,7 +7,7 @@ to a file under its final name, is, the best of several runs. Building the skin,
 stated apart. Peak memory is what Python and numpy allocate while one file is written, poses not counted.
 
 ``whole``: a run of ``brawl_30`` at 60 frames a second with rotations as int16, with all that an export holds: strikes,
-paints, and a camera that comes along: ``auto``, and ``eye``, which takes the most, a key in every frame.
+paints, and a camera that comes along: once ``auto``, once ``eye``, which has a key in every frame.
 
 ``clips``: a bank of clips and tracks of ``brawl_30`` at 30 frames a second, everything after the run counted.
 
@@ -204,8 +204,10 @@ def measure(frames: int, threads: int, repeats: int, run_frames: int | None = No
         lambda: pose_skins(skins, skin.matrices(positions, turned, poses.scales)), 20
     )
     sampler = brawl(run_frames)
-    outcome["whole"] = {"bytes an avatar-frame": whole(sampler, "auto")}
-    outcome["whole"]["bytes an avatar-frame eye"] = whole(sampler, "eye")
+    outcome["whole"] = {
+        "bytes an avatar-frame": whole(sampler, "auto"),
+        "bytes an avatar-frame eye": whole(sampler, "eye"),
+    }
     outcome["clips"], outcome["touches"] = clips(sampler, repeats), touches(sampler, 300)
     return outcome
 

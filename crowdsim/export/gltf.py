@@ -349,7 +349,7 @@ class GltfSink:
                 animate(node, "scale", document.add(scales), moments, True)
 
     def _extras(self, there: dict[int, Array]) -> dict[str, Any]:
-        """What a scene says of its crowd: rate, first frame, and its strikes, a list for each property of these."""
+        """What a scene says of its crowd: rate, first frame, and strikes as one list for each of their properties."""
         take = self._sampler.take
         found: dict[str, Any] = {"fps": str(self._fps), "first_frame": self.start, "seed": int(take.seed)}
         events = take.events
